@@ -228,15 +228,15 @@ def input_stats(inputs: SampleArrays) -> dict[str, StreamStats]:
 
 def stream_stats(stamp_ns: Instants) -> StreamStats:
     """Return the statistics of the timestamps of one stream, in any order."""
-    periods = np.diff(seconds(np.sort(stamp_ns), int(stamp_ns[0])))
-    regular = periods[periods > 0.0]
-    if not len(regular):
+    periods = np.diff(np.sort(stamp_ns))  # ns
+    periods = periods[periods > 0]
+    if not len(periods):
         return StreamStats(len(stamp_ns), 0.0, 0, 0, 0.0)
-    median = float(np.median(regular))
-    gaps = regular[regular > MIN_GAP_PERIODS * median]
+    median = float(np.median(periods, overwrite_input=True))
+    gaps = periods[periods > MIN_GAP_PERIODS * median]
     missing = int(np.sum(np.rint(gaps / median) - 1.0))
-    return StreamStats(len(stamp_ns), 1.0 / median, len(gaps), missing,
-                       float(gaps.max(initial=0.0)))
+    return StreamStats(len(stamp_ns), NS_PER_S / median, len(gaps), missing,
+                       int(gaps.max(initial=0)) / NS_PER_S)
 
 
 def _combine(parts: list[StreamStats]) -> StreamStats:

@@ -25,7 +25,7 @@ import numpy as np
 
 from smart_tire.checks import limits
 from smart_tire.checks.recording import CheckedRecording, finding
-from smart_tire.checks.stalls import delays, due_ns, least_delays, runs
+from smart_tire.checks.stalls import delays, due_ns, least_delays, NO_MESSAGE, runs
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
 from smart_tire.host_load import FACTOR, other_problems
@@ -347,9 +347,11 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _drift(stream: Stream) -> tuple[float, float] | None:
     """Return drift of the timestamps [s/s] and its standard error; None if not observable."""
-    used, _, lowest = least_delays(stream)
+    _, least = least_delays(stream)
+    used = np.flatnonzero(least != NO_MESSAGE)
     if len(used) < 3:
         return None
+    lowest = least[used] / NS_PER_S
     span = float(stream.receive_ns[-1] - stream.receive_ns[0]) / NS_PER_S
     center = (used + 0.5) * span / limits.DRIFT_BLOCKS
     i, j = np.triu_indices(len(used), 1)

@@ -36,6 +36,7 @@ from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S, TireSample
 
 BIN_NS = 10_000_000  # resolution of the time of stalls
+NO_MESSAGE = np.iinfo(np.int64).max  # least delay of a block of time without messages
 Mask = NDArray[np.bool_]  # (n,) a value for each bin
 
 
@@ -51,21 +52,21 @@ def delays(stream: Stream) -> Array:
     return np.asarray((stream.receive_ns - stream.stamp_ns) / NS_PER_S)
 
 
-def least_delays(stream: Stream) -> tuple[Instants, Instants, Array]:
-    """Return the blocks of time with messages, that of each message, and the least delays [s]."""
-    time = (stream.receive_ns - stream.receive_ns.min()) / NS_PER_S
-    blocks = np.minimum(time / max(float(time.max()), 1e-9) * limits.DRIFT_BLOCKS,
-                        limits.DRIFT_BLOCKS - 1)
-    used, block = np.unique(blocks.astype(int), return_inverse=True)
-    lowest = np.full(len(used), np.inf)
-    np.minimum.at(lowest, block, delays(stream))
-    return used, block, lowest
+def least_delays(stream: Stream) -> tuple[Instants, Instants]:
+    """Return the block of time (n,) of each message, and the least delays [ns] of all blocks."""
+    block = stream.receive_ns - stream.receive_ns.min()
+    block //= block.max() // limits.DRIFT_BLOCKS + 1
+    lowest = np.full(limits.DRIFT_BLOCKS, NO_MESSAGE)
+    np.minimum.at(lowest, block, stream.receive_ns - stream.stamp_ns)
+    return block, lowest
 
 
 def due_ns(stream: Stream) -> Instants:
     """Return when each message would have been received without lateness."""
-    _, block, lowest = least_delays(stream)
-    return np.asarray(stream.stamp_ns + np.rint(lowest[block] * NS_PER_S).astype(np.int64))
+    block, lowest = least_delays(stream)
+    due = lowest[block]
+    due += stream.stamp_ns
+    return np.asarray(due)
 
 
 @dataclass(frozen=True, eq=False)
