@@ -144,7 +144,7 @@ def _found(times: Array, rows: Array, speeds: Array, robot: RobotParams, wheel: 
         if at == -EXTRAPOLATED_TIME:  # it follows the wheel from there on
             tracker.advance(-round(EXTRAPOLATED_TIME * NS_PER_S))
     for at, volts in zip((since * NS_PER_S).round().astype(int).tolist(), rows.tolist()):
-        tracker.add_films(TireSample(at, wheel, (math.nan,) * group[0] + tuple(volts)))
+        tracker.films.add(TireSample(at, wheel, (math.nan,) * group[0] + tuple(volts)))
     found = [one for one in tracker.finish(round((since[-1] + EXTRAPOLATED_TIME) * NS_PER_S))
              if one.samples is not None]
     if len(found) != 1:

@@ -17,6 +17,7 @@ robot with wheels are in ``samples``, where decoders use them, too.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import inf, isfinite, isnan
 
 import numpy as np
@@ -40,10 +41,10 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
     """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
     match sample:
         case TireSample():  # by far the most frequent
-            return all(abs(volts) <= MAX_FILM_VOLTAGE for volts in sample.volts)
+            return _within(sample.volts, MAX_FILM_VOLTAGE)
         case ImuSample():
-            return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
-                    and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
+            return (_within(sample.acceleration, MAX_SPECIFIC_FORCE)
+                    and _within(sample.rate, MAX_ANGULAR_RATE))
         case WheelSample():  # NaN: not measured, but one wheel of each side must be
             speeds = sample.velocity
             return not any(abs(speed) > MAX_WHEEL_SPEED for speed in speeds) and not any(
@@ -59,6 +60,14 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
             return (0.0 < stiffness < inf and 0.0 <= sigma < inf
                     and not any(ratio <= 0.0 for ratio in ratios)  # NaN: unknown
                     and abs(sample.stiffness_friction_correlation) <= 1.0)
+
+
+def _within(values: Iterable[float], limit: float) -> bool:
+    """Return whether all magnitudes of ``values`` are at most ``limit``; False for NaN."""
+    for value in values:  # noqa: SIM110 - a generator takes three times as long
+        if not -limit <= value <= limit:
+            return False
+    return True
 
 
 def is_imu_spike(rate: float, force_x: float, force_y: float, vibration: float) -> bool:

@@ -18,11 +18,11 @@ crossings. The friction estimator and the calibration of the films use this feed
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import chain
 from math import inf
+from operator import attrgetter
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.constants import BLOCK_NS
@@ -44,7 +44,7 @@ class SampleBlock:
     restarted: bool = False  # the clock was reset: earlier samples are invalid
     samples: list[Input] = field(default_factory=list)
     crossings: list[tuple[str, PatchCrossing]] = field(default_factory=list)
-    end_ns: int | None = None  # instant up to which the samples are complete; None in between
+    end_ns: int | None = None  # instant up to which the samples are complete; None at the end
 
 
 class ContactFeed:
@@ -61,6 +61,7 @@ class ContactFeed:
     def _start(self) -> None:
         robot = self._robot
         self.closed_ns: int | None = None  # latest grid instant
+        self._block = SampleBlock()        # the next one
         self._newest: dict[type | str, int] = {}  # kind of sample, or wheel of films -> timestamp
         self._trackers = {wheel: [ContactTracker(wheel, robot, films)
                                   for films in robot.film_groups]
@@ -87,7 +88,7 @@ class ContactFeed:
 
     def add_sample(self, sample: Sample) -> list[SampleBlock]:
         """
-        Add a sample; return the blocks that it completes, and the start of the next one.
+        Add a sample; return the blocks that it completes.
 
         Raises EstimatorError if it is not from one of the input streams of ``streams.FRICTION``.
         """
@@ -96,13 +97,11 @@ class ContactFeed:
             raise EstimatorError(f'friction estimator received {type(sample).__name__}, expected '
                                  + ', '.join(kind.__name__ for kind in FRICTION.inputs))
         closed = self._buffer.push(topic, sample.stamp_ns, sample)
-        restarted = self._buffer.resets != self._resets
-        if not closed and not restarted:
-            return []  # most samples
-        if restarted:
+        if self._buffer.resets != self._resets:
             self._resets = self._buffer.resets
             self._start()
-        return self._blocks(closed, SampleBlock(restarted))
+            self._block.restarted = True
+        return self._blocks(closed) if closed else []
 
     def finish(self) -> list[SampleBlock]:
         """
@@ -110,54 +109,46 @@ class ContactFeed:
 
         Call this at the end of all inputs, then ``reset`` before any further sample.
         """
-        blocks, now = self._blocks(self._buffer.finish(), SampleBlock()), self.closed_ns
-        if now is not None:
-            blocks[-1].crossings += self._sorted(partial(ContactTracker.finish, now_ns=now))
-        return blocks
+        blocks = self._blocks(self._buffer.finish())
+        if self.closed_ns is not None:
+            self._block.crossings = self._sorted(ContactTracker.finish, self.closed_ns)
+        return [*blocks, self._block]
 
-    def _blocks(self, closed: list[ClosedInstant], first: SampleBlock) -> list[SampleBlock]:
-        blocks = [first]
+    def _blocks(self, closed: list[ClosedInstant]) -> list[SampleBlock]:
+        blocks = []
         for instant, samples in closed:
             self.closed_ns = instant
-            blocks[-1].samples += filter(self._accept, samples)
+            self._block.samples += filter(self._accept, samples)
             if instant % BLOCK_NS == 0:  # a fixed phase, independent of the first sample
-                blocks[-1].crossings += self._sorted(partial(ContactTracker.advance,
-                                                             now_ns=instant))
-                blocks[-1].end_ns = instant
-                blocks.append(SampleBlock())
+                self._block.crossings = self._sorted(ContactTracker.advance, instant)
+                self._block.end_ns = instant
+                blocks.append(self._block)
+                self._block = SampleBlock()
         return blocks
 
     def _accept(self, sample: Input) -> bool:
-        """Pass a valid sample on to its trackers; return whether it is valid."""
-        if not isinstance(sample, TireSample):
-            valid = self._is_new(type(sample), sample)
-            if valid and isinstance(sample, WheelSample):
-                for tracker in chain(*self._trackers.values()):
-                    tracker.add_wheels(sample)
-            return valid
-        trackers = self._trackers.get(sample.wheel)
-        if trackers is None:
-            self.foreign_samples += 1
+        """Pass a possible sample, newer than its stream, to its trackers; return whether it is."""
+        stream: type | str = type(sample)
+        if isinstance(sample, TireSample):
+            stream = sample.wheel
+            if stream not in self._trackers:
+                self.foreign_samples += 1
+                return False
+        if sample.stamp_ns <= self._newest.get(stream, -inf) or not is_possible(sample):
+            self.dropped[FRICTION.inputs[type(sample)]] += 1
             return False
-        valid = self._is_new(sample.wheel, sample)
-        if valid:
-            for tracker in trackers:
-                tracker.add_films(sample)
-        return valid
+        self._newest[stream] = sample.stamp_ns
+        if isinstance(sample, TireSample):
+            for tracker in self._trackers[sample.wheel]:
+                tracker.films.add(sample)
+        elif isinstance(sample, WheelSample):
+            for tracker in chain(*self._trackers.values()):
+                tracker.add_wheels(sample)
+        return True
 
-    def _is_new(self, stream: type | str, sample: Input) -> bool:
-        """Return whether ``sample`` is possible and newer than its stream; count it if not."""
-        stamp_ns = sample.stamp_ns
-        if is_possible(sample) and stamp_ns > self._newest.get(stream, -inf):
-            self._newest[stream] = stamp_ns
-            return True
-        self.dropped[FRICTION.inputs[type(sample)]] += 1
-        return False
-
-    def _sorted(self, found: Callable[[ContactTracker], list[PatchCrossing]]
-                ) -> Iterator[tuple[str, PatchCrossing]]:
-        """Yield the crossings ``found`` by the trackers, by wheel and time."""
-        for wheel, trackers in self._trackers.items():
-            crossings = [crossing for tracker in trackers for crossing in found(tracker)]
-            for crossing in sorted(crossings, key=lambda crossing: crossing.stamp_ns):
-                yield wheel, crossing
+    def _sorted(self, find: Callable[[ContactTracker, int], list[PatchCrossing]], now_ns: int
+                ) -> list[tuple[str, PatchCrossing]]:
+        """Return the crossings that the trackers ``find``, by wheel and time."""
+        return [(wheel, crossing) for wheel, trackers in self._trackers.items()
+                for crossing in sorted((one for tracker in trackers for one in find(
+                    tracker, now_ns)), key=attrgetter('stamp_ns'))]

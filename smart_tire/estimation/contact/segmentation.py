@@ -21,6 +21,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 import math
+from operator import attrgetter
 
 import numpy as np
 
@@ -42,20 +43,17 @@ class FilmSampleBuffer:
 
     def __init__(self, films: Sequence[int], period_ns: int) -> None:
         self._films, self._period_ns = tuple(films), period_ns
-        self._stamps: list[int] = []
-        self._volts: list[tuple[float, ...]] = []
+        self._samples: list[TireSample] = []
         self._last = 0.0  # regularized timestamp of the newest sample taken
         self._count = 0   # of samples over which its error is averaged
 
-    def add_films(self, sample: TireSample) -> None:
+    def add(self, sample: TireSample) -> None:
         """Add one conversion of all films of the wheel; the last films may be absent."""
-        self._stamps.append(sample.stamp_ns)
-        self._volts.append(sample.volts)
+        self._samples.append(sample)
 
     def clear(self) -> None:
         """Drop all samples."""
-        self._stamps.clear()
-        self._volts.clear()
+        self._samples.clear()
 
     def take(self, until_ns: int) -> tuple[Instants, Array]:
         """
@@ -63,14 +61,14 @@ class FilmSampleBuffer:
 
         Regularized timestamps (n,) [ns] and volts (n, films), NaN where a film is absent.
         """
-        count = bisect_right(self._stamps, until_ns)
-        stamps, rows = self._stamps[:count], self._volts[:count]
-        del self._stamps[:count], self._volts[:count]
-        films = max(self._films) + 1
+        count = bisect_right(self._samples, until_ns, key=attrgetter('stamp_ns'))
+        taken = self._samples[:count]
+        del self._samples[:count]
+        rows, films = [one.volts for one in taken], max(self._films) + 1
         if set(map(len, rows)) - {films}:
             rows = [(*row, *(math.nan,) * (films - len(row)))[:films] for row in rows]
         volts: Array = np.array(rows).reshape(-1, films)[:, self._films]
-        return self._regularized(stamps), volts
+        return self._regularized([one.stamp_ns for one in taken]), volts
 
     def _regularized(self, stamps: Sequence[int]) -> Instants:
         """Return ``stamps``, which continue those of earlier calls, regularized."""

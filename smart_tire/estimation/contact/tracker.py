@@ -36,7 +36,7 @@ from smart_tire.estimation.contact.trajectory import (
     Point, ReversalDetector, TravelSegment, WheelTrajectory)
 from smart_tire.estimation.reorder_buffer import GRID_NS
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
+from smart_tire.samples import NS_PER_S, WHEELS, WheelSample
 
 
 class ContactTracker:
@@ -44,7 +44,7 @@ class ContactTracker:
     Finds the patch crossings of a group of one wheel's films, with their samples.
 
     ``films`` are indices, those of the first group by default; other groups have crossings of
-    their own.
+    their own. Conversions are added to the buffer ``films``.
     """
 
     def __init__(self, wheel: str, robot: RobotParams,
@@ -60,7 +60,7 @@ class ContactTracker:
         self._reversals = ReversalDetector(
             max(c.MIN_REVERSAL * film.length,
                 2.0 * circumference / encoder.counts_per_revolution))
-        self._buffer = FilmSampleBuffer(self._group.films, period_ns)
+        self.films = FilmSampleBuffer(self._group.films, period_ns)
         self._extractor = SegmentExtractor(self._group, film.rest_voltage, period_ns)
         self._detector = FilmCrossingDetector(
             self._group, CrossingDetector(robot), self._trajectory)
@@ -76,15 +76,11 @@ class ContactTracker:
         if not math.isnan(speed):
             self._trajectory.add_wheel(sample.stamp_ns, speed, position)
 
-    def add_films(self, sample: TireSample) -> None:
-        """Add one conversion of this wheel's films; the last films may be absent."""
-        self._buffer.add_films(sample)
-
     def advance(self, now_ns: int) -> list[PatchCrossing]:
         """Process samples up to the latest wheel angle; return completed crossings."""
         newest = self._trajectory.newest_ns
         if newest is None:
-            self._buffer.clear()
+            self.films.clear()
             return []
         horizon = max(newest - c.SETTLING_NS, now_ns - c.MAX_SILENCE_NS)
         if self._horizon_ns is not None and horizon < self._horizon_ns + c.SETTLING_NS:
@@ -103,7 +99,7 @@ class ContactTracker:
     def _advance(self, horizon: int, last: bool) -> list[PatchCrossing]:
         """Process samples up to ``horizon``; if it is the ``last`` one, await nothing further."""
         position, reversals = self._follow(horizon)
-        instants, volts = self._buffer.take(horizon)
+        instants, volts = self.films.take(horizon)
         self._detect(self._extractor.extend(
             instants, self._trajectory.interpolate(instants), volts,
             [instant for instant, _ in reversals]))

@@ -140,7 +140,7 @@ def filled(films, volts, stamps=None):
     buffer = FilmSampleBuffer(films, PERIOD_NS)
     stamps = [i * PERIOD_NS for i in range(len(volts))] if stamps is None else stamps
     for stamp, row in zip(stamps, volts):
-        buffer.add_films(TireSample(int(stamp), 'front_right', row))
+        buffer.add(TireSample(int(stamp), 'front_right', row))
     return buffer
 
 
