@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+import gc
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
@@ -91,6 +92,7 @@ def _received_bytes(receiver: Connection, size: int) -> NDArray[np.uint8]:
 
 
 def _send(items: Iterator[Any], sender: Connection, receiver: Connection) -> None:
+    gc.freeze()  # a collection would copy the pages that are shared with the parent
     receiver.close()  # otherwise the end of its reader would not be noticed
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # on SIGINT the parent closes the last pipe
     try:

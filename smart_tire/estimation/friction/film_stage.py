@@ -42,7 +42,7 @@ class MotionBlock(NamedTuple):
     samples: list[ImuSample | WheelSample | Odometry]
     films: bool              # there were samples of films, too
     crossings: list[FittedCrossing]
-    end_ns: int | None       # instant up to which the samples are complete; None in between
+    end_ns: int | None       # up to which the samples are complete; None: there are none
     last: bool = False       # no further samples follow
 
 
@@ -81,7 +81,7 @@ class FilmStage:
 
     def add_sample(self, sample: Sample) -> list[MotionBlock]:
         """
-        Add a sample; return the blocks that it completes, and the start of the next one.
+        Add a sample; return the blocks that it completes.
 
         Raises EstimatorError if it is not from one of the input streams of ``streams.FRICTION``.
         """
