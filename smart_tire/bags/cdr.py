@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
+from itertools import compress
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -199,13 +200,13 @@ class SampleDecoder:
             return ()
         return sample.samples if isinstance(sample, TireSamples) else (sample,)
 
-    def block(self, messages: Sequence[bytes]) -> list[Sequence[Sample] | None]:
+    def block(self, messages: Sequence[bytes]) -> list[Sample | None]:
         """
-        Return the samples in each of ``messages``, decoded together.
+        Return the sample in each of ``messages``, decoded together.
 
         None are messages to be read one by one: what is invalid, unusual or rare.
         """
-        found: list[Sequence[Sample] | None] = [None] * len(messages)
+        found: list[Sample | None] = [None] * len(messages)
         if self._from_columns is None:
             return found
         for msg, indices, columns in self._read.columns(messages):
@@ -214,9 +215,8 @@ class SampleDecoder:
             except MessageError:
                 continue
             self._frames[msg.header.frame_id] += int(valid.sum())
-            for i, sample, good in zip(indices.tolist(), samples, valid.tolist()):
-                if good:
-                    found[i] = (sample,)
+            for i, sample in compress(zip(indices.tolist(), samples), valid.tolist()):
+                found[i] = sample
         return found
 
 

@@ -18,7 +18,7 @@ whose QoS profiles are written differently in metadata.yaml and in the file.
 from __future__ import annotations
 
 from array import array
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -447,14 +447,17 @@ def _decoded(messages: Iterator[Message], readers: Mapping[str, tuple[str, Sampl
              ) -> Iterator[tuple[int, str, Sample]]:
     """Yield the samples in ``messages``, of which many are decoded together."""
     while block := list(islice(messages, BLOCK_MESSAGES)):
-        by_topic: dict[str, list[bytes]] = {}
+        by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
         for _, channel, data in block:
-            by_topic.setdefault(channel.topic, []).append(data)
-        found = {name: iter(readers[name][1].block(same)) for name, same in by_topic.items()}
+            by_topic[channel.topic].append(data)
+        found = {name: (*readers[name], iter(readers[name][1].block(same)))
+                 for name, same in by_topic.items()}
         for receive_ns, channel, data in block:
-            samples, (standard, read) = next(found[channel.topic]), readers[channel.topic]
-            for sample in read(data) if samples is None else samples:
+            standard, read, samples = found[channel.topic]
+            if (sample := next(samples)) is not None:
                 yield receive_ns, standard, sample
+            else:
+                yield from ((receive_ns, standard, one) for one in read(data))
 
 
 def report_losses(path: Path, lines: Iterable[str]) -> None:

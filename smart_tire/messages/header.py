@@ -106,9 +106,10 @@ def not_finite_error(topic: str, field: str, values: Sequence[float]) -> Message
 
 def bounded(topic: str, field: str, values: Numbers, limit: float, unit: str) -> Numbers:
     """Return ``values``; raise MessageError if the magnitude of one exceeds ``limit``."""
-    if any(abs(value) > limit for value in values):  # NaN: not measured
-        raise MessageError(f'{topic}: {field} is {list(values)}, '
-                           f'expected magnitudes of at most {limit:g} {unit}')
+    for value in values:
+        if abs(value) > limit:  # NaN: not measured
+            raise MessageError(f'{topic}: {field} is {list(values)}, '
+                               f'expected magnitudes of at most {limit:g} {unit}')
     return values
 
 

@@ -55,7 +55,7 @@ class WheelReader:
     def __init__(self, joints: JointParams = STANDARD_JOINTS, *, recognize: bool = True) -> None:
         self._joints, self._recognize = joints, recognize
         self.completed: Counter[str] = Counter()
-        self._merged: list[tuple[int, Array | None, Array]] = []  # gaps, velocities, torques
+        self._merged: list[tuple[int, Four | None, Four]] = []  # gaps, velocities, torques
         self._heard_ns: int | None = None    # newest timestamp
         self._gap_ns = 0                     # from the message before to the newest
         self._last: tuple[int, Array] | None = None  # timestamp and angles of the sample before
@@ -71,13 +71,11 @@ class WheelReader:
         """
         layout = wheel_layout(names_of(msg, TOPIC), self._joints, TOPIC,
                               recognize=self._recognize)
-        stamp_ns, count = stamp_of(msg), len(msg.name)
-        lengths = {field: len(getattr(msg, field)) for field in ('position', 'effort')}
-        angles = (None if lengths['position'] not in (0, count)
-                  else measured_angles(msg, layout, TOPIC))
-        effort = None if lengths['effort'] not in (0, count) else torques(msg, layout, TOPIC)
-        self.completed['other_length'] += any(
-            length not in (0, count) for length in lengths.values())
+        stamp_ns, lengths = stamp_of(msg), (0, len(msg.name))
+        angles = measured_angles(msg, layout, TOPIC) if len(msg.position) in lengths else None
+        effort = torques(msg, layout, TOPIC) if len(msg.effort) in lengths else None
+        self.completed['other_length'] += not (
+            len(msg.position) in lengths and len(msg.effort) in lengths)
         velocity: Four | None = None
         if angles is None or len(msg.velocity):
             velocity = wheel_values(msg, 'velocity', layout.signs, layout, TOPIC)
@@ -95,8 +93,7 @@ class WheelReader:
         quick = (0 < gap_ns < MERGED_PERIOD_NS and max(gap_ns, self._gap_ns) > LEAST_PERIOD_NS
                  and self._last is not None and 0 < stamp_ns - self._last[0] < MIN_PERIOD_NS)
         self._heard_ns, self._gap_ns = stamp_ns, gap_ns
-        row = gap_ns, None if velocity is None else np.array(velocity), np.array(
-            (math.nan,) * 4 if effort is None else effort)
+        row = gap_ns, velocity, (math.nan,) * 4 if effort is None else effort
         if quick:
             self._merged.append(row)
             self.completed['merged'] += 1
@@ -148,7 +145,7 @@ class WheelReader:
     def _continued(self, before: Array, now: Array, expected: Array) -> Array:
         """Return the steps [rad] of the angles, those over the end of their range mended."""
         step = now - before
-        if (np.abs(expected - step) < 0.5 * min(WRAPS)).all():  # most samples
+        if np.abs(expected - step).max() < math.pi:  # most samples
             return step
         for full in WRAPS:
             turns = np.rint((expected - step) / full)

@@ -273,6 +273,6 @@ def test_messages_decoded_together_are_those_decoded_one_by_one(topic, seed):
         read(one)
     block = read_block.block(data)
     assert 30 < sum(one is not None for one in block) < len(data)
-    found = [read_block(one) if known is None else known for one, known in zip(data, block)]
+    found = [read_block(one) if known is None else (known,) for one, known in zip(data, block)]
     assert repr(found) == repr(expected)
     assert one_by_one == together
