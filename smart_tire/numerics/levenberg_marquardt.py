@@ -216,19 +216,19 @@ def inverse_spd(matrix: Array) -> Array:
 
 def gram(jacobian: Array, weight: Array | None = None) -> Array:
     """
-    Return jacobian @ diag(weight) @ jacobian.T, for a jacobian (m, n) and weights (n,).
+    Return jacobian @ diag(weight) @ jacobian.T, for a jacobian (m, n) and weights (n,) >= 0.
 
-    Without weights, BLAS computes half of the symmetric product. Computed in blocks below the size
-    from which BLAS uses threads, which is ten times slower.
+    BLAS computes half of the symmetric product. Computed in blocks below the size from which it
+    uses threads, which is ten times slower.
 
-    >>> gram(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([1.0, 3.0])).tolist()
-    [[13.0, 6.0], [6.0, 3.0]]
+    >>> gram(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([1.0, 4.0])).tolist()
+    [[17.0, 8.0], [8.0, 4.0]]
     """
-    weighted = jacobian if weight is None else jacobian * weight
+    root = jacobian if weight is None else jacobian * np.sqrt(weight)
     part = max(MAX_PRODUCT_SIZE // len(jacobian)**2, 1)
-    total: Array = weighted[:, :part] @ jacobian[:, :part].T
+    total: Array = root[:, :part] @ root[:, :part].T
     for i in range(part, jacobian.shape[1], part):
-        total += weighted[:, i:i + part] @ jacobian[:, i:i + part].T
+        total += root[:, i:i + part] @ root[:, i:i + part].T
     return total
 
 

@@ -32,7 +32,8 @@ from smart_tire.estimation.friction.waveform_model import (
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED
 from smart_tire.numerics.levenberg_marquardt import (
-    FitResult, HUBER_THRESHOLD, inverse_spd, JointPrior, LevenbergMarquardt, upper_median)
+    FitResult, HUBER_THRESHOLD, inverse_spd, JointPrior, LevenbergMarquardt, solve_spd,
+    upper_median)
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -91,13 +92,14 @@ class WaveformFit:
     def shape(self) -> tuple[Array, Array]:
         """Return the shape of release and bumps, if fitted, and the information of its data."""
         result, prior = self.result, self.result.prior
-        own = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
+        own = (prior.free >= SHAPE.start) & (prior.free < SHAPE.stop)
         # residuals of a wrong model carry less information than noise
         hessian = prior.precision + (result.hessian - prior.precision) / self.excess
-        covariance = inverse_spd(hessian)[own]
-        correction = covariance @ (prior.precision @ (prior.value - result.p)[prior.free])
-        information = inverse_spd(covariance[:, own]) - prior.precision[own[:, np.newaxis], own]
-        return result.p[SHAPE] + (1.0 - 1.0 / self.excess) * correction, information
+        correction = solve_spd(hessian, prior.precision @ (prior.value - result.p)[prior.free])
+        # what the other parameters leave of the information (Schur complement)
+        data, others = (hessian - prior.precision)[own], hessian[own][:, ~own]
+        information = data[:, own] - others @ solve_spd(hessian[~own][:, ~own], others.T)
+        return result.p[SHAPE] + (1.0 - 1.0 / self.excess) * correction[own], information
 
 
 class WaveformFitter:
@@ -225,9 +227,11 @@ class WaveformFitter:
         covariance[prior.free[:, np.newaxis], prior.free] = inverse
         # the slip prior, gains and shape have the same errors in all crossings
         both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
-        same = np.intersect1d(prior.free, [Shared.SLIP, *range(SHAPE.start, SHAPE.stop), *(
-            film_index(i, PerFilm.GAIN) for i in range(len(samples.films)))])
-        gain, rows = both[:, same], prior.rows(same)
+        same = np.zeros(len(p), dtype=bool)
+        same[[Shared.SLIP, *range(SHAPE.start, SHAPE.stop), *(
+            film_index(i, PerFilm.GAIN) for i in range(len(samples.films)))]] = True
+        rows = same[prior.free].nonzero()[0]
+        gain = both[:, prior.free[rows]]
         systematic = gain @ prior.precision[rows[:, np.newaxis], rows] @ gain.T
         white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)
         return WaveformFit(samples, p, excess * covariance, white, systematic,

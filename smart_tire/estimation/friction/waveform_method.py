@@ -33,7 +33,7 @@ from smart_tire.estimation.friction.waveform_fit import (
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED, MAX_SIGMA
-from smart_tire.models.tire import strain_charge
+from smart_tire.models.tire import film_equations, strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
@@ -162,12 +162,12 @@ class WaveformMethod:
     def _stretch_voltage(self, fit: WaveformFit, x_m: float) -> Uncertain:
         """Return the stretch output [V] of film 1 at position ``x_m`` [m]."""
         slip = fit.slip.value
-        strain = strain_charge.overlap(
-            np.array([x_m]), fit.normalized_slip.value, self._film.length, self._patch)
-        per_slip, nominal = float(strain.value[0]), self._gains[0]
+        per_slip, _, _, by_normalized_slip = film_equations.overlap(
+            x_m, fit.normalized_slip.value, self._film.length, self._patch)
+        nominal = self._gains[0]
         gain = nominal * (1.0 + fit.film_parameter(0, PerFilm.GAIN).value)
         chosen = [Shared.SLIP, Shared.NORM_SLIP, film_index(0, PerFilm.GAIN)]
-        slope = np.array([gain * per_slip, gain * slip * float(strain.by_normalized_slip[0]),
+        slope = np.array([gain * per_slip, gain * slip * by_normalized_slip,
                           nominal * slip * per_slip])
         covariance = fit.covariance[np.ix_(chosen, chosen)]
         return Uncertain(gain * slip * per_slip, math.sqrt(slope @ covariance @ slope))

@@ -64,6 +64,7 @@ class PerFilm(IntEnum):
     RECOVERY = 6  # -, ln of the recovery length over its nominal value
 
 
+PER_FILM = len(PerFilm)  # asking the enumeration takes longer
 KNOTS = len(equations.KNOTS)
 # of the parameter vector: release, then deviations of the bumps before and after the contact from
 # their nominal shape over their height
@@ -73,7 +74,7 @@ BUMPS = slice(SHAPE.start + len(Release), SHAPE.stop)
 
 def film_index(film: int, which: PerFilm) -> int:
     """Return the index of a parameter of the ``film``-th film of a crossing."""
-    return SHAPE.stop + len(PerFilm) * film + which
+    return SHAPE.stop + PER_FILM * film + which
 
 
 class WaveformModel:
@@ -111,7 +112,7 @@ class WaveformModel:
 
         Shapes are (n,) and (m, n) for n samples of all films.
         """
-        films = p[self._own].reshape(-1, len(PerFilm)).copy()
+        films = p[self._own].reshape(-1, PER_FILM).copy()
         films[:, PerFilm.RECOVERY] = self._recovery * np.exp(films[:, PerFilm.RECOVERY])
         scale, alpha, length = p[Shared.SCALE:len(Shared)].tolist()
         patch = self._patch * math.exp(length)
@@ -137,6 +138,6 @@ class WaveformModel:
 
     def moved(self, p: Array, step: Array) -> Array:
         """Return ``p`` after ``step``, shortened if a film center would move too far."""
-        largest = float(np.abs(step[self._own][PerFilm.CENTER::len(PerFilm)]).max())
+        largest = float(np.abs(step[self._own][PerFilm.CENTER::PER_FILM]).max())
         limit = MAX_CENTER_STEP * self._film.length
         return p + step * min(1.0, limit / max(largest, limit))
