@@ -27,7 +27,6 @@ import math
 import mmap
 from operator import itemgetter
 import os
-from struct import pack
 from tempfile import gettempdir, TemporaryFile
 from typing import Any, cast, IO, NamedTuple
 import weakref
@@ -200,16 +199,15 @@ class Column:
 class _Table:
     """Growing table of numbers with timestamps; a row may be longer than those before."""
 
-    def __init__(self, kind: type, wheel: str, width: int) -> None:
-        self._kind, self._wheel, self._width = kind, wheel, width
+    def __init__(self, kind: type, wheel: str, width: int, index: int) -> None:
+        self._kind, self._wheel, self._width, self.index = kind, wheel, width, index
         self._columns = [Column(np.empty(0, np.int64)), Column(np.empty(0, np.int64)),
                          Column(np.empty((0, width)))]
         self._begin()
 
     def _begin(self) -> None:
         """Begin to collect rows, those after the columns."""
-        self._stamps, self._received, self._values = array('q'), array('q'), bytearray()
-        self._format = f'{self._width}d'
+        self._stamps, self._received, self._values = array('q'), array('q'), array('d')
         self._stream = Stream(self._kind, self._wheel, *(one.rows for one in self._columns))
 
     def append(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
@@ -220,8 +218,8 @@ class _Table:
             row = (*row, *[math.nan] * (self._width - len(row)))
         self._stamps.append(stamp_ns)
         self._received.append(receive_ns)
-        self._values += pack(self._format, *row)
-        if len(self._values) > MAX_IN_MEMORY:
+        self._values.extend(row)
+        if len(self._values) * self._values.itemsize > MAX_IN_MEMORY:
             self._collect()
 
     def _collect(self) -> None:
@@ -275,7 +273,6 @@ class SampleArrays:
     def __init__(self, samples: Iterable[Sample] = ()) -> None:
         self.crossings: list[Friction] = []
         self._tables: dict[tuple[type, str], _Table] = {}
-        self._index: dict[tuple[type, str], int] = {}
         self._order = array('H')  # index of its table for each sample
         for sample in samples:
             self.add_sample(sample)
@@ -295,23 +292,22 @@ class SampleArrays:
         key, row = (kind, getattr(sample, 'wheel', '')), layout.row(sample)
         table = self._tables.get(key)
         if table is None:
-            table = self._tables[key] = _Table(*key, len(row))
-            self._index[key] = len(self._index)
+            table = self._tables[key] = _Table(*key, len(row), len(self._tables))
         table.append(sample.stamp_ns, sample.stamp_ns if receive_ns is None else receive_ns, row)
-        self._order.append(self._index[key])
+        self._order.append(table.index)
 
     def stream(self, kind: type, wheel: str = '') -> Stream:
         """Return the samples of a type (and wheel), an empty stream if there are none."""
         table = self._tables.get((kind, wheel)) or _Table(
-            kind, wheel, sum(LAYOUTS[kind].columns.values()))
+            kind, wheel, sum(LAYOUTS[kind].columns.values()), -1)
         return table.stream()
 
     def order(self, streams: Sequence[Stream]) -> Instants:
         """Return the index of its stream for each sample of ``streams``, as they were received."""
-        known = np.full(len(self._index) + 1, -1)
+        known = np.full(len(self._tables), -1)
         for index, stream in enumerate(streams):
-            known[self._index.get((stream.kind, stream.wheel), -1)] = index
-        known[-1] = -1
+            if (table := self._tables.get((stream.kind, stream.wheel))) is not None:
+                known[table.index] = index
         found = known[np.array(self._order, np.int64)]
         return np.asarray(found[found >= 0], np.int64)
 

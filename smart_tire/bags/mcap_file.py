@@ -21,6 +21,7 @@ here: the libraries do not read truncated chunks, and for an intact file they ta
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator
 from io import BytesIO
@@ -165,9 +166,7 @@ class McapFile:
             if as_written:
                 yield from self._read(block, topics, wanted)
                 continue
-            ready = 0
-            while ready < len(waiting) and waiting[ready][0] < block.start_ns:
-                ready += 1
+            ready = bisect_left(waiting, block.start_ns, key=log_time)
             yield from waiting[:ready]
             waiting = waiting[ready:] + self._read(block, topics, wanted)
             waiting.sort(key=log_time)  # stable, and fast if already in order

@@ -168,12 +168,13 @@ class SegmentExtractor:
         del self._gaps[:-c.REMEMBERED]
         steps[lost] = 0.0
         sampled = steps.cumsum() + (self._sampled[-1] if len(self._sampled) else 0.0)
+        volts = volts[kept]
         self._instants = np.concatenate([self._instants, instants[kept]])
-        self._volts = np.concatenate([self._volts, volts[kept]])
+        self._volts = np.concatenate([self._volts, volts])
         self._active = np.concatenate([
-            self._active, np.abs(volts[kept] - self._baseline) > self._thresholds])
+            self._active, np.abs(volts - self._baseline) > self._thresholds])
         self._sampled = np.concatenate([self._sampled, sampled[kept]])
-        return int(np.count_nonzero(kept))
+        return len(volts)
 
     def _extract(self, closing: float, new: int) -> list[ActiveSegment]:
         """Return the segments before a reversal, or inactive for more than ``closing`` [m]."""

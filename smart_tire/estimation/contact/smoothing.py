@@ -67,7 +67,7 @@ class SmoothedTrajectory:
         times = (instants - self._origin_ns) / NS_PER_S
         # np.clip takes twice as long
         inner = np.minimum(np.maximum(times, self._times[0]), self._times[-1])
-        piece = np.searchsorted(self._times[1:-1], inner, side='right')
+        piece = self._times[1:-1].searchsorted(inner, side='right')
         offset = inner - self._times[piece]
         cubic, square, linear, constant = self._cubics[:, piece]
         area = offset * offset
