@@ -49,6 +49,7 @@ MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')            # opcode, length of the content
 MESSAGE = struct.Struct('<BQHIQQ')       # opcode, length, channel, sequence, log and publish time
 MESSAGE_HEAD = MESSAGE.size - RECORD.size
+LOGGED = struct.Struct('<BQH4xQ8x')      # of these, what is used
 CHUNK = struct.Struct('<QQQII')          # start, end, size, CRC, length of compression name
 CHECKSUM_OFFSET = RECORD.size + 24       # of the CRC in a chunk record
 LENGTH = struct.Struct('<Q')              # of compressed records
@@ -251,7 +252,7 @@ class McapFile:
             if chunk is not None:
                 yield chunk
             elif opcode == Opcode.MESSAGE:
-                run.extend(MESSAGE.unpack_from(self._data, offset)[4], offset, end)
+                run.extend(LOGGED.unpack_from(self._data, offset)[3], offset, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._read(Block(0, 0, offset, end - offset, frozenset()), (), {})
             elif opcode == Opcode.METADATA:
@@ -371,11 +372,11 @@ class McapFile:
     def _parse_records(self, records: bytes, topics: Collection[str] | None,
                        wanted: dict[int, Channel], found: list[Message]) -> None:
         """Append the messages in ``records`` to ``found``; raise ValueError if some are left."""
-        offset, unknown, size, unpack = 0, 0, len(records), MESSAGE.unpack_from
+        offset, unknown, size, unpack = 0, 0, len(records), LOGGED.unpack_from
         head, message_head = RECORD.size, MESSAGE.size
         padded = records + bytes(MESSAGE_HEAD)  # allows unpacking a short last record
         while offset + head <= size:
-            opcode, length, number, _, ns, _ = unpack(padded, offset)
+            opcode, length, number, ns = unpack(padded, offset)
             end = offset + head + length
             if end > size:
                 break

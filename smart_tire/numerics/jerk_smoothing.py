@@ -34,7 +34,7 @@ def jerk_rows(times: Array, density: float) -> Array:
     first, second, third, fourth = (times[j:n - 3 + j] for j in range(4))
     early, middle, late = second - first, third - second, fourth - third
     begin, end, whole = third - first, fourth - second, fourth - first
-    rows: Array = np.sqrt(12.0 / density * whole) / np.stack([
+    rows: Array = np.sqrt(12.0 / density * whole) / np.array([
         -early * begin * whole, early * middle * end, -begin * middle * late, whole * end * late])
     return rows
 

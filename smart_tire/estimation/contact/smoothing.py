@@ -95,7 +95,7 @@ def _monotone_cubics(times: Array, distance: Array) -> tuple[Array, Array]:
         product > 0.0, near * after + far * before, np.inf)
     slopes = np.concatenate([secant[:1], inner, secant[-1:]])
     bend = (slopes[:-1] + slopes[1:] - 2.0 * secant) / step
-    return slopes, np.stack([
+    return slopes, np.array([
         bend / step, (secant - slopes[:-1]) / step - bend, slopes[:-1], distance[:-1]])
 
 
