@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
 HEADER_SIZE = 4  # bytes: encapsulation identifier and options
-STAMPS = tuple(struct.Struct(f'{order}iI') for order in BYTE_ORDERS.values())
+STAMPS = tuple(struct.Struct(f'{order}4xiI') for order in BYTE_ORDERS.values())
 # bytes: names with length and end, in UTF-8, three numbers for each, and the rest of any type
 MAX_SIZE = MAX_NAMES * (4 * MAX_NAME_LENGTH + 8 + 3 * 8) + 2048
 
@@ -132,7 +132,7 @@ class MessageLayout:
         self._scalars: list[tuple[str, int]] = []  # path and index
         self._arrays: list[tuple[str, slice]] = []
         self._bytes: list[tuple[str, str, int, int]] = []  # path, type, first byte and end
-        self._static_bytes: list[tuple[int, bytes]] = []   # first byte and content
+        self._static_bytes = [(0, identifier)]  # first byte and content
         shapes = iter(shape)
         for path, kind in FIELDS[type_name]:
             self._add_field(path, kind, shapes)
@@ -227,11 +227,11 @@ class MessageLayout:
     def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which messages (n, bytes) have this layout."""
         import numpy as np
-        found = (data[:, :2] == np.frombuffer(self._template[0], np.uint8)).all(axis=1)
-        for begin, content in self._static_bytes:
-            found &= (data[:, begin:begin + len(content)]
-                      == np.frombuffer(content, np.uint8)).all(axis=1)
-        return found
+        columns = [i for begin, content in self._static_bytes
+                   for i in range(begin, begin + len(content))]
+        content = np.frombuffer(b''.join([content for _, content in self._static_bytes]), np.uint8)
+        same: NDArray[np.bool_] = (data[:, columns] == content).all(axis=1)
+        return same
 
     def columns(self, data: NDArray[np.uint8]) -> Columns:
         """Return the numbers of messages (n, bytes) of this layout."""
@@ -364,8 +364,9 @@ def stamp_in(data: bytes) -> int:
     """Return the stamp [ns] in the header of a serialized message; 0 if it is truncated."""
     if len(data) < HEADER_SIZE + 8:
         return 0
-    sec, nanosec = STAMPS[data[1] & 1].unpack_from(data, HEADER_SIZE)
-    return int(sec * NS_PER_S + nanosec)
+    sec, nanosec = STAMPS[data[1] & 1].unpack_from(data)
+    stamp_ns: int = sec * NS_PER_S + nanosec
+    return stamp_ns
 
 
 def _owner(msg: Any, path: str) -> tuple[Any, str]:

@@ -112,7 +112,8 @@ class ContactFeed:
         blocks = self._blocks(self._buffer.finish())
         if self.closed_ns is not None:
             self._block.crossings = self._sorted(ContactTracker.finish, self.closed_ns)
-        return [*blocks, self._block]
+        last, self._block = self._block, SampleBlock()
+        return [*blocks, last]
 
     def _blocks(self, closed: list[ClosedInstant]) -> list[SampleBlock]:
         blocks = []
