@@ -18,7 +18,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from smart_tire.analysis.metrics import median, Score, score
 from smart_tire.arrays import Array, Instants
@@ -58,6 +57,7 @@ class FrictionScore:
 
 def match(estimates: Iterable[Friction], truths: Iterable[Friction]) -> Matches:
     """Return the pairs of true crossings and nearest estimates."""
+    from scipy.optimize import linear_sum_assignment  # at first use: takes a part of a second
     truths, estimates = (sorted(several, key=lambda one: one.stamp_ns)
                          for several in (truths, estimates))
     apart = np.abs(np.subtract.outer(stamps_of(truths), stamps_of(estimates)))

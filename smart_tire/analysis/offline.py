@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg.lapack  # noqa: F401 (for the stages, before their processes are forked)
 
 from smart_tire.analysis.dead_reckoning import baselines
 from smart_tire.analysis.driven_paths import PATH, PathLog

@@ -233,7 +233,7 @@ def stream_stats(stamp_ns: Instants) -> StreamStats:
     if not len(periods):
         return StreamStats(len(stamp_ns), 0.0, 0, 0, 0.0)
     median = float(np.median(periods, overwrite_input=True))
-    gaps = periods[periods > MIN_GAP_PERIODS * median]
+    gaps = periods[periods > round(MIN_GAP_PERIODS * median)]
     missing = int(np.sum(np.rint(gaps / median) - 1.0))
     return StreamStats(len(stamp_ns), NS_PER_S / median, len(gaps), missing,
                        int(gaps.max(initial=0)) / NS_PER_S)

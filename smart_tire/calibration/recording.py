@@ -18,7 +18,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.plausibility import speed_spikes
@@ -174,6 +173,7 @@ class Signal:
     """A sampled signal, linearly interpolated, and its integral."""
 
     def __init__(self, time: Array, value: Array) -> None:
+        from scipy.interpolate import make_interp_spline  # at first use: takes a part of a second
         self.time = time
         self._integral = make_interp_spline(time, value, k=1).antiderivative()
 

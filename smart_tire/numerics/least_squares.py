@@ -26,8 +26,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq, solve_triangular
-from scipy.optimize import least_squares
 
 from smart_tire.arrays import Array
 from smart_tire.numerics.robust import huber_weights, measurement_noise
@@ -108,6 +106,8 @@ def anticorrelated(contiguous: NDArray[np.bool_]) -> Correlation:
     >>> white(np.array([1.0, 0.0])).round(3)  # their correlation is -0.4 / 1.16
     array([1.   , 0.367])
     """
+    from scipy.linalg import solve_triangular  # at first use: takes a part of a second
+
     def whitener(residuals: Array) -> Whitener:
         clipped = np.clip(residuals, -HUBER_THRESHOLD, HUBER_THRESHOLD)
         products = clipped[1:] * clipped[:-1] * contiguous[1:]
@@ -177,6 +177,7 @@ def solve_with_prior(matrix: Array, target: Array, prior: Prior) -> tuple[Array,
     >>> solve_with_prior(np.eye(1), np.array([2.0]), Prior(np.zeros(1), np.ones(1)))
     (array([1.]), 2.0)
     """
+    from scipy.linalg import lstsq  # at first use: takes a part of a second
     extended = np.vstack([matrix, np.diag(prior.weight)])
     wanted = np.concatenate([target, prior.mean * prior.weight])
     # by orthogonal factorization: several times as fast as by singular values
@@ -239,6 +240,8 @@ def nonlinear_fit(residual: Callable[[Array], Array], start: Array, prior: Prior
     >>> round(fit.estimate(0).value, 3)
     0.7
     """
+    from scipy.optimize import least_squares  # at first use: takes a part of a second
+
     def solve(white: Whitener, latest: Array) -> tuple[Array, Array]:
         slope: Any = '2-point' if jacobian is None else lambda x: np.vstack(
             [white(jacobian(x)), np.diag(prior.weight)])
