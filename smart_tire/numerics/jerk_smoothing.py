@@ -8,10 +8,15 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True, show_performance_hints=False
+
 """
 Smoothing of a signal against white jerk: least squares, whose equations are banded.
 
 The jerk over four consecutive samples is six times their third divided difference.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
 """
 
 from __future__ import annotations
@@ -19,6 +24,13 @@ from __future__ import annotations
 import numpy as np
 
 from smart_tire.arrays import Array
+
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+COMPILED: bool = cython.compiled
 
 
 def jerk_rows(times: Array, density: float) -> Array:
@@ -41,13 +53,13 @@ def jerk_rows(times: Array, density: float) -> Array:
 
 def jerks(rows: Array, signal: Array) -> Array:
     """
-    Return the normalized jerks of a ``signal`` (n, k), of shape (n - 3, k).
+    Return the normalized jerks of a ``signal`` (..., n), of shape (..., n - 3).
 
-    >>> jerks(jerk_rows(np.arange(5.0), 3.0), np.arange(5.0)[:, np.newaxis]**3).ravel().round(9)
+    >>> jerks(jerk_rows(np.arange(5.0), 3.0), np.arange(5.0)**3).round(9)
     array([3.46410162, 3.46410162])
     """
     n = rows.shape[1]
-    return np.sum([rows[j, :, np.newaxis] * signal[j:n + j] for j in range(4)], axis=0)
+    return sum(rows[j] * signal[..., j:n + j] for j in range(4))
 
 
 def jerk_information(rows: Array) -> Array:
@@ -57,29 +69,79 @@ def jerk_information(rows: Array) -> Array:
     >>> jerk_information(jerk_rows(np.arange(4.0), 1.0))[3]  # the diagonal
     array([1., 9., 9., 1.])
     """
-    n = rows.shape[1]
-    banded = np.zeros((4, n + 3))  # row 3 - k holds the k-th superdiagonal
-    for k in range(4):
-        for j, product in enumerate(rows[:4 - k] * rows[k:], k):
-            banded[3 - k, j:n + j] += product
-    return banded
+    bands = np.zeros((4, rows.shape[1] + 3))  # row 3 - k holds the k-th superdiagonal
+    _add_products(rows, bands)
+    return bands
+
+
+def _add_products(rows: cython.double[:, ::1], bands: cython.double[:, ::1]) -> None:
+    """Add the products of each column of ``rows`` to the matrix with these ``bands``."""
+    i: cython.Py_ssize_t
+    j: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    for i in range(rows.shape[1]):
+        for j in range(4):
+            for k in range(j + 1):
+                bands[3 - k, i + j] += rows[j - k, i] * rows[j, i]
 
 
 def solve_smoothed(information: Array, precision: Array, right: Array) -> Array:
     """
-    Return the solution (n, k) for right-hand sides (n, k), or one (n,).
+    Return the solutions (k, n) for right-hand sides (k, n), or that of one (n,).
 
-    The matrix is that of ``jerk_information`` plus ``precision`` (n,) on its diagonal. Raises
-    LinAlgError if it is singular.
+    The matrix is that of ``jerk_information`` plus ``precision`` (n,), or one of each right-hand
+    side (k, n), on its diagonal. Raises LinAlgError if it is not positive definite.
 
     >>> information = jerk_information(jerk_rows(np.arange(4.0), 1.0))
     >>> solve_smoothed(information, np.ones(4), np.arange(4.0)).round(9)  # without jerk
     array([0., 1., 2., 3.])
     """
-    from scipy.linalg.lapack import dpbsv  # see docs/architecture.md, "Libraries"
-    matrix = information.copy()
-    matrix[3] += precision
-    _, solution, failed = dpbsv(matrix, right)
-    if failed:
+    n = information.shape[1]
+    found = right.copy()
+    if not _solve(information, precision.reshape(-1, n), found.reshape(-1, n),
+                  np.zeros((n + 6, 4))):
         raise np.linalg.LinAlgError('the equations of the smoothing are singular')
-    return np.asarray(solution)
+    return found
+
+
+def _solve(bands: cython.double[:, ::1], precision: cython.double[:, ::1],
+           found: cython.double[:, ::1], factor: cython.double[:, ::1]) -> bool:
+    """
+    Replace right-hand sides (k, n) by solutions; return False if there are none.
+
+    ``factor`` (n + 6, 4) has zeros; it becomes L and the inverse of D of L D L^T. LAPACK would
+    call a function for each column of a band.
+    """
+    a: cython.double
+    b: cython.double
+    c: cython.double
+    d: cython.double
+    i: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    n: cython.Py_ssize_t = bands.shape[1]
+    for k in range(found.shape[0]):
+        for i in range(3, n + 3 if k < precision.shape[0] else 0):
+            c = bands[0, i - 3]
+            b = bands[1, i - 3] - c * factor[i - 2, 0]
+            a = bands[2, i - 3] - b * factor[i - 1, 0] - c * factor[i - 1, 1]
+            factor[i, 0] = a * factor[i - 1, 3]
+            factor[i, 1] = b * factor[i - 2, 3]
+            factor[i, 2] = c * factor[i - 3, 3]
+            d = (bands[3, i - 3] + precision[k, i - 3]
+                 - a * factor[i, 0] - b * factor[i, 1] - c * factor[i, 2])
+            if not d > 0.0:
+                return False
+            factor[i, 3] = 1.0 / d
+        a = b = c = 0.0  # the latest three
+        for i in range(n):
+            d = (found[k, i] - a * factor[i + 3, 0] - b * factor[i + 3, 1]
+                 - c * factor[i + 3, 2])
+            a, b, c = d, a, b
+            found[k, i] = d * factor[i + 3, 3]
+        a = b = c = 0.0
+        for i in range(n - 1, -1, -1):
+            d = (found[k, i] - a * factor[i + 4, 0] - b * factor[i + 5, 1]
+                 - c * factor[i + 6, 2])
+            a, b, c = d, a, b
+            found[k, i] = d
+    return True

@@ -45,7 +45,7 @@ class WheelMotion(NamedTuple):
     times: Array        # s, (n,)
     angles: Array       # rad, (n, 4)
     information: Array  # rad^-2, (4, n), as of ``jerk_information``
-    precision: Array    # rad^-2, (n, 4), of the angles as measured, by mode
+    precision: Array    # rad^-2, (4, n), of the angles as measured, by mode
 
     def errors(self, weights: Array) -> list[Array]:
         """
@@ -53,8 +53,8 @@ class WheelMotion(NamedTuple):
 
         That of the mean of the wheels, and that of half the difference of the sides.
         """
-        return [weights @ solve_smoothed(self.information, self.precision[:, mode], weights.T)
-                for mode in range(2)]
+        return [weights @ solve_smoothed(self.information, one, weights).T
+                for one in self.precision[:2]]
 
 
 def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMotion:
@@ -64,21 +64,18 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     ``jitter`` [s] is the standard deviation of the stamps, ``step`` [rad] that of the angles.
     """
     rows = jerk_rows(times, JERK_DENSITY)
-    y = (angles - angles[0]) @ MODES.T
-    rate = np.gradient(y, times, axis=0)
+    y = MODES @ (angles - angles[0]).T
+    rate = np.gradient(y, times, axis=1)
     precision = 1.0 / ((jitter * rate) ** 2 + step ** 2 / 4.0)
-    weight, found = np.ones(len(times) - 3), y
+    information = jerk_information(rows)
     for _ in range(REWEIGHTINGS):
-        # all modes in one system, which the zeros between their bands keep apart
-        information = np.tile(jerk_information(rows * np.sqrt(weight)), len(MODES))
-        found = solve_smoothed(information, precision.T.ravel(), (precision * y).T.ravel()
-                               ).reshape(len(MODES), -1).T
-        weight = 2.0 / (1.0 + np.sum(jerks(rows, found) ** 2, axis=1))
+        found = solve_smoothed(information, precision, precision * y)
+        weight = 2.0 / (1.0 + np.sum(jerks(rows, found) ** 2, axis=0))
         # a step of the speed may lie in any of the intervals around
         padded = np.concatenate([weight[:1], weight, weight[-1:]])
         weight = np.minimum(weight, np.minimum(padded[2:], padded[:-2]))
-    information = jerk_information(rows * np.sqrt(weight))
-    return WheelMotion(times, angles[0] + found @ np.linalg.inv(MODES).T, information, precision)
+        information = jerk_information(rows * np.sqrt(weight))
+    return WheelMotion(times, angles[0] + len(MODES) * found.T @ MODES, information, precision)
 
 
 def rate_weights(times: Array, at: Array) -> Array:
