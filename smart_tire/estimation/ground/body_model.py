@@ -85,7 +85,7 @@ def grouped(runs: Array) -> Array:
 def ungrouped(groups: Array, count: int) -> Array:
     """Return values (count, ...) of runs from those of their groups (groups, ..., lanes)."""
     _, *shape, width = groups.shape
-    return np.moveaxis(groups, len(shape) + 1, 1).reshape(len(groups) * width, *shape)[:count]
+    return groups.reshape(len(groups), -1, width).transpose(0, 2, 1).reshape(-1, *shape)[:count]
 
 
 def simulate(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],

@@ -32,7 +32,7 @@ from smart_tire.estimation.ground.unknowns import (
     MODEL_TIME, MOTORS, OFFSETS, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
     TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
-    block_means, block_spread, rate_weights, sample_means, smoothed)
+    block_means, block_spread, central_differences, rate_weights, sample_means, smoothed)
 from smart_tire.models.tire.brush_tire import slope_at
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
 from smart_tire.models.vehicle.skid_steer import MIN_LOAD, SLIP_FLOOR
@@ -41,8 +41,9 @@ from smart_tire.samples import GRAVITY, WHEELS
 
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = TORQUE + len(WHEELS)
-LOGARITHMS = [*range(Unknown.LATERAL_SHARE), Unknown.LATERAL_RATIO, Unknown.RADIUS,
-              *range(Unknown.SIDE_STIFFNESS, Unknown.DELAY)]  # of parameters of the model
+LOGARITHMS = np.isin(np.arange(DYNAMIC), [  # of parameters of the model
+    *range(Unknown.LATERAL_SHARE), Unknown.LATERAL_RATIO, Unknown.RADIUS,
+    *range(Unknown.SIDE_STIFFNESS, Unknown.DELAY)])
 CROSSING_STEPS = np.arange(-3, 3)  # around a crossing, over which its motion is averaged: 0.1 s
 
 
@@ -61,9 +62,13 @@ class MeasuredCrossing(NamedTuple):
         """Return the slip, and its product with the normalized slip if that is determined."""
         return self.slip, self.normalized_slip * (1.0 if self.sliding else self.slip)
 
-    def by_slips(self, slip: float, normalized: float) -> Array:
-        """Return the derivatives (2, 2) of the measured quantities by slip and normalized slip."""
-        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [normalized, slip]])
+    @property
+    def noise(self) -> Array:
+        """Return the covariance (2, 2) of the measured quantities."""
+        if self.sliding:
+            return self.covariance + SLIDING_WEIGHT ** 2 * np.outer(self.measured, self.measured)
+        by_slips = np.array([[1.0, 0.0], [self.normalized_slip, self.slip]])
+        return by_slips @ self.covariance @ by_slips.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +104,7 @@ class Measurements:
 
     def __init__(self, robot: RobotParams, data: WindowData, begin: float, first: float,
                  end: float) -> None:
-        self._robot, motor = robot, robot.motor
-        self._torque_noise, _ = torque_errors(motor)
+        self._robot, motor, imu = robot, robot.motor, robot.imu
         blocks = int((end - begin) / BLOCK_TIME + 1e-6)
         self.begin = begin = end - blocks * BLOCK_TIME
         self.times: Array = begin + TIME_STEP * np.arange(1.0, blocks * BLOCK + 1.0)
@@ -113,10 +117,9 @@ class Measurements:
         radius = robot.wheel_radius
         weights = rate_weights(motion.times, np.append(begin, self.times))
         self.rates = weights[1:] @ motion.angles
-        self.rolling = np.ascontiguousarray(radius * self.rates)
-        self.acceleration = np.gradient(self.rates, TIME_STEP, axis=0)
+        self.rolling: Array = radius * self.rates
+        self.acceleration = central_differences(self.rates, TIME_STEP)
         period = float(np.median(np.diff(motion.times)))
-        self._speed_errors = motion.errors(radius * weights[::BLOCK])
         self.spread = block_spread(self.acceleration, self.edges, self.times, period)
         mean_imu, self.imu_count = sample_means(data.imu, self.edges)
         mean_wheels, self.torque_count = sample_means(
@@ -125,13 +128,31 @@ class Measurements:
         self.set_crossings([one for one in data.crossings if first < one.time <= end])
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * block_means(self.acceleration).T
-        self._moving = block_means(self.rates).T
-        mean = 0.5 * np.abs(np.diff(np.eye(blocks + 1), axis=0))
-        self._difference = mean @ self._speed_errors[1] @ mean.T  # (m/s)^2, of the sides
+        moving = block_means(self.rates).T
+        self._idle, loaded = (friction_torque(moving, load, motor, radius) for load in (0.0, 1.0))
+        self._by_load = loaded - self._idle  # m, change of the friction torque
+        common, sides = motion.errors(radius * weights[::BLOCK])
+        # (m/s2)^2 and (m/s)^2, of the blocks: acceleration of the mean, difference of the sides
+        self._common = np.diff(np.diff(common, axis=0), axis=1) / BLOCK_TIME ** 2
+        sides = 0.5 * (sides[1:] + sides[:-1])
+        self._difference = 0.5 * (sides[:, 1:] + sides[:, :-1])
         # m^2, (4, blocks): an encoder count of a stationary wheel is a large slip. The robot
         # follows the mean of its wheels and the difference of its sides, but not the other two
-        self._slip_noise = 2.0 * np.diag(self._difference) * (radius / np.maximum(
-            np.abs(radius * self._moving), SLIP_FLOOR)) ** 2
+        self._slip_noise = 2.0 * np.diagonal(self._difference) * (radius / np.maximum(
+            np.abs(radius * moving), SLIP_FLOOR)) ** 2
+        # variances of the values by their sensors, and by what happens within a wheel period
+        effective = motor.inertia + 0.25 * robot.mass * radius ** 2
+        self._variance = np.empty_like(self.values)
+        self._variance[:TORQUE] = np.array([
+            [imu.gyro_noise], [imu.accel_noise], [imu.accel_noise]]) ** 2 / np.maximum(
+                self.imu_count, 1)
+        self._variance[YAW_RATE] += 1e-6
+        self._variance[TORQUE:] = (
+            torque_errors(motor)[0] ** 2 / np.maximum(self.torque_count, 1)
+            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2)
+        self._variance[:TORQUE, self.imu_count == 0] = UNMEASURED ** 2
+        self._variance[TORQUE:, self.torque_count == 0] = UNMEASURED ** 2
+        self._variance[:, ~self.used] = UNMEASURED ** 2
         self.robot_constants = np.array([
             TIME_STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase,
             0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR,
@@ -142,11 +163,12 @@ class Measurements:
         """Set the crossings of films in the window."""
         self.crossings = crossings
         self.crossing_measured = np.array([value for one in crossings for value in one.measured])
+        self._crossing_noise = np.array([one.noise for one in crossings]).reshape(-1, 2, 2)
         self._products = np.array([not one.sliding for one in crossings], dtype=bool)
         self._times = np.array([one.time for one in crossings])
         self._wheels = np.array([one.wheel for one in crossings], dtype=np.intp)
-        self._row_times = np.concatenate([np.tile(self.centers, STREAMS),
-                                          np.repeat(self._times, 2)])
+        self.row_times = np.concatenate([np.tile(self.centers, STREAMS),
+                                         np.repeat(self._times, 2)])
 
     @property
     def travel(self) -> float:
@@ -175,55 +197,47 @@ class Measurements:
         ``events`` (runs, 10) as in ``Hypothesis``; ``relaxation`` length of the tires [m],
         of all runs or of each (runs,).
         """
-        runs = self._parameters(x, events)
-        runs[:, model.RELAXATION] = relaxation
+        runs = np.zeros((len(x), model.PARAMETERS))
+        runs[:, :DYNAMIC] = np.where(LOGARITHMS, np.exp(x[:, :DYNAMIC]), x[:, :DYNAMIC])
+        runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
         runs[:, START] += start
+        runs[:, model.RELAXATION] = relaxation
+        runs[:, model.NEW:] = np.searchsorted(self.times, events)
+        runs[:, model.LIFT::3] = events[:, 4::3]  # the wheels
         parameters = model.grouped(runs)
         states, means = (
             np.empty((len(parameters), n, model.OUTPUTS, parameters.shape[2]))
             for n in (len(self.times), len(self.centers)))
         model.simulate(
-            self.rolling, self._delayed, np.column_stack([np.cos(heading), np.sin(heading)]),
+            self.rolling, self._delayed, np.stack([np.cos(heading), np.sin(heading)], axis=1),
             parameters, self.robot_constants, states, means)
-        return WindowMotion(
-            events, parameters, states, model.ungrouped(means, len(x)).transpose(2, 0, 1))
-
-    def _parameters(self, x: Array, events: Array) -> Array:
-        """Return the parameters of the model (runs, PARAMETERS) without its start."""
-        runs = np.zeros((len(x), model.PARAMETERS))
-        runs[:, :DYNAMIC] = x[:, :DYNAMIC]
-        runs[:, LOGARITHMS] = np.exp(x[:, LOGARITHMS])
-        runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
-        runs[:, model.NEW:model.LIFT] = np.searchsorted(self.times, events[:, :4])
-        lifts = events[:, 4:].reshape(len(x), 2, 3).copy()
-        lifts[:, :, 1:] = np.searchsorted(self.times, lifts[:, :, 1:])
-        runs[:, model.LIFT:] = lifts.reshape(len(x), 6)
-        return runs
+        return WindowMotion(events, parameters, states, means.transpose(2, 0, 3, 1).reshape(
+            model.OUTPUTS, -1, len(self.centers))[:, :len(x)])
 
     def predict(self, x: Array, motion: WindowMotion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
-        means, robot = motion.means, self._robot
+        means, robot, rows = motion.means, self._robot, x.T[:, :, np.newaxis]
         arm_x, arm_y = (
-            robot.imu.position[axis] + (x[:, Unknown.IMU_X + axis]
-                                        - x[:, Unknown.COM_X + axis])[:, np.newaxis]
+            robot.imu.position[axis] + rows[Unknown.IMU_X + axis] - rows[Unknown.COM_X + axis]
             for axis in (0, 1))
         square = means[model.SQUARE]
-        found = np.empty((len(x), STREAMS, len(self.centers)))
+        found = np.empty((STREAMS, *means.shape[1:]))
         a_x, a_y, w_dot = means[model.A_X:model.FORCE]
-        found[:, YAW_RATE] = means[model.W]
-        found[:, FORCE_X] = a_x - w_dot * arm_y - square * arm_x
-        found[:, FORCE_Y] = a_y + w_dot * arm_x - square * arm_y
-        found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
-        radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        force, loads = means[model.FORCE:model.SQUARE].reshape(
-            2, 4, *means.shape[1:]).transpose(0, 2, 1, 3)
-        torque = radius * force + (
-            np.exp(x[:, Unknown.MOTOR_FRICTION, np.newaxis, np.newaxis]) * friction_torque(
-                self._moving, loads, robot.motor, robot.wheel_radius)
-            + np.exp(x[:, Unknown.MOTOR_INERTIA, np.newaxis, np.newaxis]) * self._inertia_torque)
-        scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
-        found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
-        return found
+        found[YAW_RATE] = means[model.W]
+        found[FORCE_X] = a_x - w_dot * arm_y - square * arm_x
+        found[FORCE_Y] = a_y + w_dot * arm_x - square * arm_y
+        found[:TORQUE] += rows[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1]
+        torque = (
+            robot.wheel_radius * np.exp(rows[Unknown.RADIUS]) * means[model.FORCE:model.LOADS]
+            + np.exp(rows[Unknown.MOTOR_FRICTION]) * self._friction(means[model.LOADS:model.SQUARE])
+            + np.exp(rows[Unknown.MOTOR_INERTIA]) * self._inertia_torque[:, np.newaxis])
+        found[TORQUE:] = (np.exp(-rows[Unknown.TORQUE_SCALE] - rows[MOTORS]) * torque
+                          + rows[OFFSETS])
+        return found.transpose(1, 0, 2)
+
+    def _friction(self, loads: Array) -> Array:
+        """Return the friction torques [N m] of the drives for ``loads`` [N] (4, runs, blocks)."""
+        return self._idle[:, np.newaxis] + self._by_load[:, np.newaxis] * loads
 
     def linear(self, x: Array, predicted: Array, motion: WindowMotion) -> Array:
         """
@@ -245,9 +259,7 @@ class Measurements:
         by_arm[0, :, 0], by_arm[0, :, 1] = -square, -means[model.W_DOT]
         by_arm[1, :, 0], by_arm[1, :, 1] = means[model.W_DOT], -square
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
-        loads = means[model.LOADS:model.SQUARE]
-        friction = friction_torque(
-            self._moving, loads, self._robot.motor, self._robot.wheel_radius)
+        friction = self._friction(motion.means[model.LOADS:model.SQUARE, :1])[:, 0]
         for row, torque in ((Unknown.MOTOR_FRICTION, friction),
                             (Unknown.MOTOR_INERTIA, self._inertia_torque)):
             found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
@@ -284,41 +296,29 @@ class Measurements:
         ``predicted`` (STREAMS, blocks), ``transient`` (STREAMS, blocks) its change by a relaxation
         length, ``biases`` (3,) those of the IMU, ``slip_noise`` as of the method of that name.
         """
-        robot, count = self._robot, len(self.centers)
-        imu = np.maximum(self.imu_count, 1)
-        force = np.maximum(np.hypot(*(predicted[FORCE_X:TORQUE] - biases[1:, np.newaxis])),
-                           LEAST_FORCE)
-        least_torque = 0.25 * robot.mass * robot.wheel_radius * LEAST_FORCE
-        size = np.vstack([predicted[:1] - biases[0], force[np.newaxis], force[np.newaxis],
-                          np.maximum(np.abs(predicted[TORQUE:]), least_torque)])
-        change = np.diff(np.eye(count + 1), axis=0) / BLOCK_TIME
-        common, difference = self._speed_errors[0], self._difference
-        effective = robot.motor.inertia + 0.25 * robot.mass * robot.wheel_radius ** 2
-        white = np.hypot(TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1),
-                         RELAXATION_ERROR * transient)
-        white[YAW_RATE] = np.hypot(white[YAW_RATE], np.hypot(
-            robot.imu.gyro_noise / np.sqrt(imu), 1e-3))
-        white[FORCE_X:TORQUE] = np.hypot(
-            white[FORCE_X:TORQUE], robot.imu.accel_noise / np.sqrt(imu))
-        white[TORQUE:] = np.sqrt(
-            white[TORQUE:] ** 2 + self._torque_noise ** 2 / np.maximum(self.torque_count, 1)
-            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2 + slip_noise)
-        white[:TORQUE, self.imu_count == 0] = UNMEASURED
-        white[TORQUE:, self.torque_count == 0] = UNMEASURED
-        white[:, ~self.used] = UNMEASURED
+        robot = self._robot
+        size = predicted.copy()
+        size[YAW_RATE] -= biases[0]
+        size[FORCE_X:TORQUE] = np.maximum(np.hypot(
+            *(predicted[FORCE_X:TORQUE] - biases[1:, np.newaxis])), LEAST_FORCE)
+        size[TORQUE:] = np.maximum(
+            np.abs(predicted[TORQUE:]), 0.25 * robot.mass * robot.wheel_radius * LEAST_FORCE)
         lasting = MODEL_ERROR * size
-        found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
-                 * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
-        found[YAW_RATE] += difference / (0.5 * robot.track_width) ** 2
-        found[FORCE_X] += change @ common @ change.T
-        found[FORCE_Y] += difference
-        found[:, range(count), range(count)] += white ** 2
+        found: Array = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
+                        * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
+        found[YAW_RATE] += self._difference / (0.5 * robot.track_width) ** 2
+        found[FORCE_X] += self._common
+        found[FORCE_Y] += self._difference
+        own = found.reshape(STREAMS, -1)[:, ::len(self.centers) + 1]  # the diagonals
+        own += (TIMING_ERROR * central_differences(predicted.T, BLOCK_TIME).T) ** 2
+        own += (RELAXATION_ERROR * transient) ** 2 + self._variance
+        own[TORQUE:] += slip_noise
         return found
 
     def within(self, interval: Interval) -> NDArray[np.bool_]:
         """Return whether each row of block means and crossings lies in ``interval`` [s]."""
-        found: NDArray[np.bool_] = (self._row_times >= interval[0]) & (
-            self._row_times <= interval[1])
+        found: NDArray[np.bool_] = (self.row_times >= interval[0]) & (
+            self.row_times <= interval[1])
         return found
 
     def crossing_noise(self, predicted: Array, transient: Array, loads: Array) -> Array:
@@ -334,23 +334,24 @@ class Measurements:
         slip = predicted[::2]
         normalized = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
                                           where=self._products & (slip != 0.0)), LEAST_NORMALIZED)
-        found = np.zeros((len(predicted), len(predicted)))
-        found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
-                                     + FILM_SLIP_ERROR[1] ** 2)
+        slips = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
+                           + FILM_SLIP_ERROR[1] ** 2)
         own = FILM_NORMALIZED_ERROR * normalized * np.maximum(
             0.25 * self._robot.mass * GRAVITY / loads, 1.0)
-        found[1::2, 1::2] = lasting * np.outer(own, own)
-        for i, one in enumerate(self.crossings):
-            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], normalized[i])
-            found[rows] = by_slips @ found[rows]
-            found[:, rows] = found[:, rows] @ by_slips.T
-            at = one.by_slips(one.slip, one.normalized_slip)
-            measured = np.array([one.slip, one.normalized_slip])
-            found[rows, rows] += at @ one.covariance @ at.T + (
-                one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured)
-                + (np.outer(transient[rows], transient[rows]) if one.sliding  # slip / t stays
-                   else np.diag(transient[rows] ** 2)))
-        return found
+        # derivatives of the second of the measured quantities by both slips
+        by_slip = np.where(self._products, normalized, 0.0)
+        own *= np.where(self._products, slip, 1.0)
+        found = np.empty((len(slip), 2, len(slip), 2))
+        found[:, 0, :, 0] = slips
+        found[:, 0, :, 1] = slips * by_slip
+        found[:, 1, :, 0] = found[:, 0, :, 1].T
+        found[:, 1, :, 1] = by_slip[:, np.newaxis] * found[:, 0, :, 1] + lasting * np.outer(
+            own, own)
+        changes = transient.reshape(-1, 2, 1) * transient.reshape(-1, 1, 2)
+        changes[self._products] *= np.eye(2)  # of those that slide, slip / t stays
+        index = np.arange(len(slip))
+        found[index, :, index] += self._crossing_noise + changes
+        return found.reshape(len(predicted), len(predicted))
 
     def at_crossings(self, motion: WindowMotion) -> Array:
         """Return the values of ``at`` (runs, crossings, 5) at the crossings of the window."""
@@ -367,8 +368,9 @@ class Measurements:
         if not len(wheels):
             return np.empty((count, 0, model.VALUES))
         near = np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS  # (m, k)
-        begins, ends = (motion.events[:, 2 * (wheels % 2) + one] for one in (0, 1))
-        after = ((begins <= times) & (times < ends)).astype(float)
+        sides = 2 * (wheels % 2)
+        after = ((motion.events[:, sides] <= times)
+                 & (times < motion.events[:, sides + 1])).astype(float)
         groups, _, width = motion.parameters.shape
         found = np.empty((groups, len(wheels), model.VALUES, width))
         model.average_crossings(

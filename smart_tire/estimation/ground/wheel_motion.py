@@ -82,14 +82,21 @@ def rate_weights(times: Array, at: Array) -> Array:
     """Return the matrix (m, n) that gives rates at ``at`` (m,) from values at ``times`` (n,)."""
     at = np.minimum(at, times[-1])
     index = np.clip(np.searchsorted(times, at) - 2, 0, len(times) - CUBIC_POINTS)[
-        :, np.newaxis] + range(CUBIC_POINTS)
+        :, np.newaxis] + np.arange(CUBIC_POINTS)
     knots, weights = times[index], np.zeros((len(at), len(times)))
     # derivative of the cubic through four neighbors (Lagrange)
     others = knots[:, OTHERS]
-    a, b, c = np.moveaxis(at[:, np.newaxis, np.newaxis] - others, 2, 0)
-    weights[np.arange(len(at))[:, np.newaxis], index] = (a * b + b * c + a * c) / np.prod(
-        knots[:, :, np.newaxis] - others, axis=2)
+    a, b, c = (at[:, np.newaxis, np.newaxis] - others).transpose(2, 0, 1)
+    d, e, f = (knots[:, :, np.newaxis] - others).transpose(2, 0, 1)
+    weights[np.arange(len(at))[:, np.newaxis], index] = (a * b + b * c + a * c) / (d * e * f)
     return weights
+
+
+def central_differences(values: Array, step: float) -> Array:
+    """Return the derivatives of values (n, k) at a constant ``step``, one-sided at the ends."""
+    padded = np.concatenate([2.0 * values[:1] - values[1:2], values,
+                             2.0 * values[-1:] - values[-2:-1]])
+    return (padded[2:] - padded[:-2]) / (2.0 * step)
 
 
 def block_means(values: Array) -> Array:
@@ -102,13 +109,11 @@ def block_means(values: Array) -> Array:
 
 def sample_means(samples: Array, edges: Array) -> tuple[Array, Instants]:
     """Return means (blocks, columns - 1) of samples with time in column 0, and their counts."""
-    block = np.searchsorted(edges, samples[:, 0]) - 1
-    inside = (block >= 0) & (samples[:, 0] <= edges[-1])
-    block, values = block[inside], samples[inside, 1:]
-    count = np.bincount(block, minlength=len(edges) - 1)
-    sums = np.zeros((len(edges) - 1, values.shape[1]))
-    np.add.at(sums, block, values)
-    return sums / np.maximum(count, 1)[:, np.newaxis], count
+    ends = np.searchsorted(samples[:, 0], edges, side='right')
+    sums = np.zeros((len(samples) + 1, samples.shape[1] - 1))
+    np.cumsum(samples[:, 1:], axis=0, out=sums[1:])
+    count = np.diff(ends)
+    return np.diff(sums[ends], axis=0) / np.maximum(count, 1)[:, np.newaxis], count
 
 
 def block_spread(values: Array, edges: Array, times: Array, period: float) -> Array:

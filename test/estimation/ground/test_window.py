@@ -407,22 +407,23 @@ def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_we
 
 def test_a_crossing_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
     sliding = measurements.crossings[0]._replace(slip=0.1, normalized_slip=0.9, sliding=True)
-    measurements.crossings[0] = sliding
+    measurements.set_crossings([sliding])
     noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
     assert along @ noise @ along > 50.0 * (across @ noise @ across)
-    measurements.crossings[0] = sliding._replace(sliding=False)
+    measurements.set_crossings([sliding._replace(sliding=False)])
 
 
 def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(measurements):
     noise, measured = [], []
     for slip, ratio in ((0.004, 0.4), (0.004, -0.3)):  # hardly any stretch
         covariance = np.diag([1e-6, (4e-4 / slip) ** 2])
-        measurements.crossings[0] = MeasuredCrossing(8.0, 1, slip, ratio, covariance, False)
+        measurements.set_crossings([
+            MeasuredCrossing(8.0, 1, slip, ratio, covariance, False)])
         measured.append(measurements.crossings[0].measured)
         noise.append(measurements.crossing_noise(
             np.array([0.01, 0.01 * 0.02]), np.zeros(2), LOAD))
-    measurements.crossings[0] = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    measurements.set_crossings([MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)])
     assert measured == [(0.004, pytest.approx(0.0016)), (0.004, pytest.approx(-0.0012))]
     for one, ratio in zip(noise, (0.4, -0.3)):  # 4e-4 / 0.01 of a ratio at the predicted slip
         assert math.sqrt(one[1, 1]) == pytest.approx(math.hypot(4e-4, 1e-3 * ratio), rel=0.15)
@@ -433,11 +434,11 @@ def test_films_weigh_little_in_a_start_but_show_the_ground_in_full_sliding(measu
     plain = measurements.crossing_noise(np.array([0.1, 0.02]), np.zeros(2), LOAD)
     more = measurements.crossing_noise(np.array([0.1, 0.02]), transient, LOAD) - plain
     assert more == pytest.approx(np.diag(transient ** 2))
-    measurements.crossings[0] = measurements.crossings[0]._replace(
-        slip=0.5, normalized_slip=1.5, sliding=True)
+    measurements.set_crossings([measurements.crossings[0]._replace(
+        slip=0.5, normalized_slip=1.5, sliding=True)])
     plain = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.array([0.1, 0.3]), LOAD)
-    measurements.crossings[0] = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    measurements.set_crossings([MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)])
     across = np.array([1.5, -0.5])  # an error of slip / t
     assert across @ noise @ across == pytest.approx(across @ plain @ across)
     assert noise[0, 0] - plain[0, 0] == pytest.approx(0.1 ** 2)
