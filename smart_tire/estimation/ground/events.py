@@ -245,31 +245,32 @@ class EventSearch:
         moved.
         """
         rows = np.array([np.arange(SIZE)[event.unknown] for event in events])
-        used = np.ones((len(events), others.shape[2]))
         slopes = (others[:, :1] - others[:, 1:]) / self._steps[rows][:, :, np.newaxis]
         mean, sigma = self._priors[rows].transpose(2, 0, 1)
         spread = sigma[:, :, np.newaxis] ** -2 * np.eye(rows.shape[1])
         off = mean - np.array([event.hypothesis.x for event in events])[
             np.arange(len(events))[:, np.newaxis], rows]
-        of = np.repeat(np.arange(len(events)), [len(event.transitions) for event in events])
-        inside = np.array([measurements.within(one) for event in events
-                           for one in event.transitions], dtype=float)
-        np.multiply.at(used, of, 1.0 - inside)
+        transitions = [event.transitions for event in events]
+        first = np.cumsum([0, *map(len, transitions[:-1])])  # of each event
+        inside = np.array([measurements.within(one) for part in transitions for one in part],
+                          dtype=float)
+        used = 1.0 - np.maximum.reduceat(inside, first)
         value, left, matrix = np.zeros(rows.shape), others[:, 0], spread
+        start = others[:, 0, :, np.newaxis]
+        known = spread @ off[:, :, np.newaxis]
         for _ in range(REWEIGHTINGS if rows.size else 0):
             weighted = slopes * (used / np.maximum(
                 (FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0))[:, np.newaxis]
             matrix = weighted @ slopes.transpose(0, 2, 1) + spread
-            value = np.linalg.solve(
-                matrix, weighted @ others[:, 0, :, np.newaxis] + spread @ off[:, :, np.newaxis]
-            )[:, :, 0]
+            value = np.linalg.solve(matrix, weighted @ start + known)[:, :, 0]
             left = others[:, 0] - (value[:, np.newaxis] @ slopes)[:, 0]
         square = left ** 2
         cost = (used * student(square)).sum(axis=1) + (
             (value - off) ** 2 / sigma ** 2 + 2.0 * np.log(sigma)).sum(axis=1) + np.linalg.slogdet(
                 matrix)[1]
-        np.add.at(cost, of, _of_size(square[of], inside, measurements.values.shape))
-        return cost, value
+        square = np.repeat(square, [*map(len, transitions)], axis=0)
+        return cost + np.add.reduceat(
+            _of_size(square, inside, measurements.values.shape), first), value
 
 
 def _count(event: Event) -> int:

@@ -119,7 +119,8 @@ class Measurements:
         self.rates = weights[1:] @ motion.angles
         self.rolling: Array = radius * self.rates
         self.acceleration = central_differences(self.rates, TIME_STEP)
-        period = float(np.median(np.diff(motion.times)))
+        gaps = np.sort(np.diff(motion.times))
+        period = 0.5 * float(gaps[len(gaps) // 2] + gaps[(len(gaps) - 1) // 2])  # the median
         self.spread = block_spread(self.acceleration, self.edges, self.times, period)
         mean_imu, self.imu_count = sample_means(data.imu, self.edges)
         mean_wheels, self.torque_count = sample_means(
@@ -182,9 +183,9 @@ class Measurements:
         ``reference``: time [s] and heading there.
         """
         time, rate = self._heading_data[:, 0], self._heading_data[:, 1]
-        turned = np.concatenate([[0.0], np.cumsum(
-            0.5 * (rate[1:] + rate[:-1]) * np.diff(time))]) - gyro_bias * time
-        at = np.interp([reference[0], *self.times], time, turned)
+        turned = -gyro_bias * time
+        turned[1:] += np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))
+        at = np.interp(np.append(reference[0], self.times), time, turned)
         heading: Array = reference[1] + at[1:] - at[0]
         return heading
 
@@ -229,15 +230,16 @@ class Measurements:
         found[:TORQUE] += rows[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1]
         torque = (
             robot.wheel_radius * np.exp(rows[Unknown.RADIUS]) * means[model.FORCE:model.LOADS]
-            + np.exp(rows[Unknown.MOTOR_FRICTION]) * self._friction(means[model.LOADS:model.SQUARE])
+            + np.exp(rows[Unknown.MOTOR_FRICTION]) * self._friction(motion)
             + np.exp(rows[Unknown.MOTOR_INERTIA]) * self._inertia_torque[:, np.newaxis])
         found[TORQUE:] = (np.exp(-rows[Unknown.TORQUE_SCALE] - rows[MOTORS]) * torque
                           + rows[OFFSETS])
         return found.transpose(1, 0, 2)
 
-    def _friction(self, loads: Array) -> Array:
-        """Return the friction torques [N m] of the drives for ``loads`` [N] (4, runs, blocks)."""
-        return self._idle[:, np.newaxis] + self._by_load[:, np.newaxis] * loads
+    def _friction(self, motion: WindowMotion) -> Array:
+        """Return the friction torques [N m] of the drives (4, runs, blocks)."""
+        return (self._idle[:, np.newaxis]
+                + self._by_load[:, np.newaxis] * motion.means[model.LOADS:model.SQUARE])
 
     def linear(self, x: Array, predicted: Array, motion: WindowMotion) -> Array:
         """
@@ -259,8 +261,7 @@ class Measurements:
         by_arm[0, :, 0], by_arm[0, :, 1] = -square, -means[model.W_DOT]
         by_arm[1, :, 0], by_arm[1, :, 1] = means[model.W_DOT], -square
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
-        friction = self._friction(motion.means[model.LOADS:model.SQUARE, :1])[:, 0]
-        for row, torque in ((Unknown.MOTOR_FRICTION, friction),
+        for row, torque in ((Unknown.MOTOR_FRICTION, self._friction(motion)[:, 0]),
                             (Unknown.MOTOR_INERTIA, self._inertia_torque)):
             found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
@@ -273,7 +274,7 @@ class Measurements:
         """
         found, wheels = values[:, :, :2].copy(), self._wheels
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, wheels]
-        found[:, self._products, 1] *= found[:, self._products, 0]
+        found[:, :, 1] *= np.where(self._products, found[:, :, 0], 1.0)
         found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
         return found.reshape(len(x), -1)
 

@@ -65,7 +65,11 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     """
     rows = jerk_rows(times, JERK_DENSITY)
     y = MODES @ (angles - angles[0]).T
-    rate = np.gradient(y, times, axis=1)
+    gap = np.diff(times)
+    slope = np.diff(y) / gap
+    rate = np.hstack([
+        slope[:, :1], (gap[1:] * slope[:, :-1] + gap[:-1] * slope[:, 1:]) / (gap[1:] + gap[:-1]),
+        slope[:, -1:]])
     precision = 1.0 / ((jitter * rate) ** 2 + step ** 2 / 4.0)
     information = jerk_information(rows)
     for _ in range(REWEIGHTINGS):
@@ -81,7 +85,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
 def rate_weights(times: Array, at: Array) -> Array:
     """Return the matrix (m, n) that gives rates at ``at`` (m,) from values at ``times`` (n,)."""
     at = np.minimum(at, times[-1])
-    index = np.clip(np.searchsorted(times, at) - 2, 0, len(times) - CUBIC_POINTS)[
+    index = np.minimum(np.maximum(np.searchsorted(times, at) - 2, 0), len(times) - CUBIC_POINTS)[
         :, np.newaxis] + np.arange(CUBIC_POINTS)
     knots, weights = times[index], np.zeros((len(at), len(times)))
     # derivative of the cubic through four neighbors (Lagrange)

@@ -49,9 +49,8 @@ class WindowNoise:
         self.blocks, self.films = blocks, films
         self._blocks = np.array([inverse_factor(one) for one in blocks])
         self._films = inverse_factor(films)
-        # by row, each given the rows before it
-        self.ln_variances = -2.0 * np.log(np.concatenate([
-            np.diagonal(self._blocks, axis1=1, axis2=2).ravel(), np.diagonal(self._films)]))
+        self.variances = _diagonals(blocks, films)  # by row, and those given the rows before
+        self.ln_variances = -2.0 * np.log(_diagonals(self._blocks, self._films))
 
     def whitened(self, blocks: Array, crossings: Array) -> Array:
         """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
@@ -83,21 +82,19 @@ class Whitening:
 
     def __init__(self, noise: WindowNoise, residual: Array, crossings: Array, weighted: bool,
                  disturbances: Sequence[NDArray[np.bool_]]) -> None:
-        variance = np.diagonal(noise.blocks, axis1=1, axis2=2)
-        film_variance = np.diagonal(noise.films)
-        square = residual ** 2 / variance
-        each = np.repeat((crossings ** 2 / film_variance).reshape(-1, 2).mean(axis=1), 2)
-        squares = np.concatenate([square.ravel(), each])
-        off = np.any([np.zeros(len(squares), dtype=bool), *disturbances], axis=0)
-        growth = np.ones(len(squares))
-        if weighted:
-            growth[~off] = np.maximum((FREEDOM + squares[~off]) / (FREEDOM + 1.0), 1.0)
-        scale, film_scale = np.split(np.sqrt(growth)[:, np.newaxis], [residual.size])
-        self._scale, self._film_scale = scale.reshape(*residual.shape, 1), film_scale
+        squares = np.concatenate([residual.ravel(), crossings]) ** 2 / noise.variances
+        films = squares[residual.size:].reshape(-1, 2)
+        films[:] = films.mean(axis=1, keepdims=True)
+        off = np.any(disturbances, axis=0)
+        growth = np.where(off if weighted else True, 1.0,
+                          np.maximum((FREEDOM + squares) / (FREEDOM + 1.0), 1.0))
+        scale = np.sqrt(growth)[:, np.newaxis]
+        self._scale, self._film_scale = (
+            scale[:residual.size].reshape(*residual.shape, 1), scale[residual.size:])
+        unused, unused_films = np.split(UNMEASURED ** 2 * (off * noise.variances), [residual.size])
         self._noise = noise if not off.any() else WindowNoise(
-            noise.blocks + UNMEASURED ** 2 * np.eye(residual.shape[1]) * (
-                off[:residual.size].reshape(residual.shape) * variance)[:, np.newaxis],
-            noise.films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance))
+            noise.blocks + np.eye(residual.shape[1]) * unused.reshape(residual.shape)[
+                :, np.newaxis], noise.films + np.diag(unused_films))
         # by row; with the weighted squares, minus twice the logarithm of the Student distribution
         self.penalty = ((FREEDOM + 1.0) * np.log(growth) - FREEDOM * (1.0 - 1.0 / growth)
                         + self._noise.ln_variances)
@@ -112,15 +109,6 @@ class Whitening:
         """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
         return self._noise.whitened(blocks / self._scale, crossings / self._film_scale)
 
-    def information(self, blocks: Array, crossings: Array, leaving: NDArray[np.bool_],
-                    films: NDArray[np.bool_]) -> Array:
-        """Return the products (k, k) of the columns of the rows that leave the window."""
-        left = WindowNoise(self._noise.blocks[:, leaving][:, :, leaving],
-                           self._noise.films[films][:, films])
-        white = left.whitened((blocks / self._scale)[:, leaving],
-                              (crossings / self._film_scale)[films])
-        return gram(white.T)
-
 
 class WindowFit:
     """Fits windows of one robot."""
@@ -129,6 +117,8 @@ class WindowFit:
         """``rows`` are the priors of the unknowns."""
         self._robot, self.rows = robot, rows
         self.steps = DERIVATIVE_STEP * np.array([row.sigma for row in rows[:DYNAMIC]])
+        self._moves = np.zeros((DYNAMIC + 3, SIZE))  # of the unknowns, by run of a fit
+        np.fill_diagonal(self._moves[1:-2], self.steps)
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
                near: bool = False) -> tuple[Hypothesis, WindowEstimate]:
@@ -168,7 +158,7 @@ class WindowFit:
         x = (prior.mean if unchanged and unknown else hypothesis.x).copy()
         x[OWN] = 0.0
         inside = [measurements.within(one) for one in hypothesis.disturbances]
-        steps = np.append(self.steps, 0.0)
+        steps, moves = np.append(self.steps, 0.0), self._moves.copy()
         acting = np.ones(DYNAMIC + 3, dtype=bool)  # runs; the other unknowns have no effect
         acting[1:-2][OLD_GROUND] = hypothesis.new != ONE_GROUND
         acting[1:-2][MOVED] = bool(hypothesis.lifts)
@@ -177,8 +167,8 @@ class WindowFit:
         relaxation[-1] = 0.5 * self._robot.tire.contact_length  # the last run shows its effect
         for iteration in range(MAX_ITERATIONS):
             steps[-1] = self._friction_step(x, prior.covariance)
-            runs = np.tile(x, (DYNAMIC + 3, 1))
-            runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps
+            moves[-2, Unknown.FRICTION] = steps[-1]
+            runs = x + moves
             used = runs[acting]
             varied = measurements.simulate(
                 used, start, heading, events.repeat(len(used), axis=0), relaxation[:len(used)])
@@ -214,25 +204,24 @@ class WindowFit:
         # what is known of the friction: by its derivative or its secant, whichever shows less
         shows, row = np.arange(SIZE), Unknown.FRICTION
         shows[row] = SIZE
-        by_secant = information + products[np.ix_(shows, shows)]
+        by_secant = hessian.copy()
+        by_secant[row] = by_secant[:, row] = information[row] + products[SIZE, shows]
         if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
             hessian, covariance = by_secant, wider
-            for part in (columns, film_columns, white):
-                part[..., row] = part[..., SIZE]
+            white[:, row] = white[:, SIZE]
             runs[1 + row], shown[1 + row] = runs[-2], shown[-1]
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
         cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian @ prior.covariance)[1])
-        columns[:, :, -1] += columns[:, :, :SIZE] @ at
-        film_columns[:, -1] += film_columns[:, :SIZE] @ at
-        left = whiten.information(
-            columns, film_columns, measurements.used & (measurements.centers < leaving),
-            np.repeat([one.time < leaving for one in measurements.crossings], 2).astype(bool))
+        # what leaves are the first rows of each stream, or follows rows that are not used: its
+        # factor is a part of that of all
+        left = white[measurements.row_times < leaving]
+        derivatives = left[:, :SIZE]
         return WindowEstimate(
             x, covariance, cost, motion, runs[:-2], varied, shown[:-1], start, heading,
             WhitenedRows(final, white[:, :SIZE]), whiten, noise, information,
-            (left[:SIZE, :SIZE], left[:SIZE, -1]))
+            (gram(derivatives.T), derivatives.T @ (left[:, -1] + derivatives @ at)))
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
         """
@@ -263,9 +252,9 @@ class WindowFit:
             1, 2, 0)
         limit = NOISE_SIGMAS ** 2 * slip_noise[:, :, np.newaxis]
         curve = [*CURVE, DYNAMIC]
-        square = np.maximum(dynamic[TORQUE:, :, curve] ** 2, limit)
-        dynamic[TORQUE:, :, curve] *= np.divide(
-            square - limit, square, out=np.zeros_like(square), where=square > 0.0)
+        torques = dynamic[TORQUE:, :, curve]
+        dynamic[TORQUE:, :, curve] = torques * (
+            1.0 - limit / np.maximum(np.maximum(torques ** 2, limit), np.finfo(float).tiny))
         return np.concatenate([
             dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
             dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
@@ -284,10 +273,16 @@ class WindowFit:
         return found
 
 
+def _diagonals(blocks: Array, films: Array) -> Array:
+    """Return the diagonals (rows,) of matrices of blocks (STREAMS, n, n) and crossings (m, m)."""
+    return np.append(np.diagonal(blocks, axis1=1, axis2=2), np.diagonal(films))
+
+
 def student(square: Array) -> Array:
     """Return minus twice the logarithm of the likelihood of normalized squared errors."""
-    return np.where(square < 1.0, square, 1.0 + (FREEDOM + 1.0) * np.log(
-        np.maximum((FREEDOM + square) / (FREEDOM + 1.0), 1.0)))
+    found: Array = np.minimum(square, 1.0) + (FREEDOM + 1.0) * np.log(
+        np.maximum((FREEDOM + square) / (FREEDOM + 1.0), 1.0))
+    return found
 
 
 def start_of(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:
