@@ -16,10 +16,9 @@ All times are message time; a window ends at multiples of ``HOP_NS``.
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 import math
 
 import numpy as np
@@ -36,12 +35,14 @@ from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.tire.brush_tire import critical_slip, LN_RESISTANCE
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
+from smart_tire.numerics.levenberg_marquardt import solve_spd
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import (
     GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample)
 from smart_tire.uncertain import log_normal, Uncertain, UNKNOWN
 
+IMU_COLUMNS, WHEEL_COLUMNS = 4, 9  # as in ``WindowData``
 HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
 
 
@@ -71,8 +72,7 @@ class GroundEstimator:
         self._rotation = [x_row.tolist(), y_row.tolist(), (z_row / robot.imu.gyro_scale).tolist()]
         self._window = GroundWindow(robot)
         self._origin_ns: int | None = None
-        self._imu: list[tuple[float, ...]] = []
-        self._wheels: list[tuple[float, ...]] = []
+        self._imu, self._wheels = array('d'), array('d')  # rows, one after the other
         self._crossings: list[MeasuredCrossing] = []
         self._odometry: Odometry | None = None
         self._imu_seen = False
@@ -161,18 +161,19 @@ class GroundEstimator:
         self._next_hop_ns = (now_ns // HOP_NS + 1) * HOP_NS
         if not self._imu or not self._wheels:
             return None
-        end = self._seconds(end_ns)
-        end = min(end, self._wheels[-1][0] + MAX_GAP, self._imu[-1][0] + MAX_GAP)
-        begin = max(self._imu[0][0], self._wheels[0][0], end - LENGTH - SETTLING)
+        end = min(self._seconds(end_ns), self._wheels[-WHEEL_COLUMNS] + MAX_GAP,
+                  self._imu[-IMU_COLUMNS] + MAX_GAP)
+        begin = max(self._imu[0], self._wheels[0], end - LENGTH - SETTLING)
+        data = WindowData(np.array(self._imu).reshape(-1, IMU_COLUMNS),
+                          np.array(self._wheels).reshape(-1, WHEEL_COLUMNS), self._crossings)
+        times = data.wheels[:, 0]
         if end - begin < HOP or (
                 self.solution is not None and end <= self.solution.end) or (
-                bisect_right(self._wheels, (end, math.inf)) - bisect_right(
-                    self._wheels, (begin, math.inf)) < CUBIC_POINTS):
+                np.count_nonzero((times > begin) & (times <= end)) < CUBIC_POINTS):
             return None
         if not self.observable:
-            self._forget(end - LENGTH - 2.0 * SETTLING)
+            self._forget(data, end - LENGTH - 2.0 * SETTLING)
             return None
-        data = WindowData(_array(self._imu), _array(self._wheels), self._crossings)
         before = end - HOP if self.solution is None else self.solution.end
         try:
             self.solution = self._window.solve(data, begin, end, end - before)
@@ -182,7 +183,7 @@ class GroundEstimator:
             return None
         measured = self.solution.measurements
         self._shown |= bool(measured.torque_count.any())
-        self._forget(end - LENGTH - 2.0 * SETTLING)
+        self._forget(data, end - LENGTH - 2.0 * SETTLING)
         return self.solution
 
     def state(self, solution: Solution) -> GroundState:
@@ -209,7 +210,7 @@ class GroundEstimator:
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_SIGMA
         shared = (row @ covariance)[ROBOT]  # with the errors of the robot
-        common = shared @ np.linalg.solve(covariance[np.ix_(ROBOT, ROBOT)], shared)
+        common = shared @ solve_spd(covariance[ROBOT][:, ROBOT], shared)
         # of sides that differ by more than the prior: its mean would be no resistance
         resistance_sigma = math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)
         both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
@@ -275,26 +276,26 @@ class GroundEstimator:
         assert self._origin_ns is not None
         return (stamp_ns - self._origin_ns) / NS_PER_S
 
-    def _append(self, rows: list[tuple[float, ...]], row: tuple[float, ...]) -> None:
+    def _append(self, rows: array[float], row: tuple[float, ...]) -> None:
         """Append ``row``, which begins with its time [s]; after a gap, the window restarts."""
-        if rows and row[0] - rows[-1][0] > MAX_GAP:
-            rows.clear()
-        if not rows or row[0] > rows[-1][0]:
-            rows.append(row)
+        if rows and row[0] - rows[-len(row)] > MAX_GAP:
+            del rows[:]
+        if not rows or row[0] > rows[-len(row)]:
+            rows.extend(row)
 
     def _add_wheels(self, time: float, sample: WheelSample) -> None:
         """Add angles; those of a wheel that is not measured are those of its side."""
         speed = _of_sides(sample.velocity)
         before = self._angles
         if sample.position is None:
-            elapsed = time - self._wheels[-1][0] if self._wheels else 0.0
+            elapsed = time - self._wheels[-WHEEL_COLUMNS] if self._wheels else 0.0
             self._angles = before + speed * min(max(elapsed, 0.0), MAX_GAP)
         else:
             self._angles = _of_sides(sample.position)
             if self._wheels and any(map(
                     is_speed_contradicted, (self._angles - before) / max(
-                        time - self._wheels[-1][0], 1e-3), speed)):
-                self._wheels.clear()  # the counter was reset
+                        time - self._wheels[-WHEEL_COLUMNS], 1e-3), speed)):
+                del self._wheels[:]  # the counter was reset
         effort = sample.effort or (math.nan,) * 4
         self.observable |= sample.effort is not None and math.isfinite(sum(sample.effort))
         self._append(self._wheels, (time, *self._angles, *effort))
@@ -312,16 +313,11 @@ class GroundEstimator:
         self._append(self._imu, (time, w, du - v * w - dw * arm_y - w * w * arm_x,
                                  dv + u * w + dw * arm_x - w * w * arm_y))
 
-    def _forget(self, time: float) -> None:
+    def _forget(self, data: WindowData, time: float) -> None:
         """Drop samples before ``time`` [s]."""
-        for rows in (self._imu, self._wheels, self._crossings):
-            count = next((i for i, row in enumerate(rows) if row[0] >= time), len(rows))
-            del rows[:count]
-
-
-def _array(rows: Sequence[tuple[float, ...]]) -> Array:
-    """Return ``rows`` of one length as an array, in a third of the time of numpy.array."""
-    return np.fromiter(chain.from_iterable(rows), float).reshape(len(rows), -1)
+        for values, rows in ((self._imu, data.imu), (self._wheels, data.wheels)):
+            del values[:rows[rows[:, 0] < time].size]
+        self._crossings = [one for one in self._crossings if one.time >= time]
 
 
 def _upper(sigma: float) -> float:

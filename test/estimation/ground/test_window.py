@@ -373,7 +373,8 @@ def measurements(samples):
         if isinstance(sample, (ImuSample, WheelSample)):
             estimator.add_sample(sample)
     crossing = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
-    data = WindowData(np.array(estimator._imu), np.array(estimator._wheels), [crossing])
+    data = WindowData(np.array(estimator._imu).reshape(-1, 4),
+                      np.array(estimator._wheels).reshape(-1, 9), [crossing])
     return Measurements(ROBOT, data, 5.5, 6.0, 9.0)
 
 
