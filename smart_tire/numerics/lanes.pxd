@@ -24,8 +24,14 @@ cdef extern from *:
     static inline Lanes lanes_sqrt(Lanes x) { return sqrt(x); }
     #endif
     static inline Lanes lanes_of(double x) { Lanes zero = {0.0}; return zero + x; }
+    #ifdef __SSE2__
+    #include <emmintrin.h>
+    static inline Lanes lanes_max(Lanes a, Lanes b) { return _mm_max_pd(a, b); }
+    static inline Lanes lanes_min(Lanes a, Lanes b) { return _mm_min_pd(a, b); }
+    #else
     static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_select(a, b, a, b); }
     static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_select(b, a, a, b); }
+    #endif
     static inline Lanes lanes_abs(Lanes x) { return lanes_max(x, -x); }
     #endif
     """

@@ -315,10 +315,11 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
             roll[i] = radius * rolling[n, i] + delay * delayed[n, i % 2]
             v_x: Lanes = new_u - y[i] * new_w
             v_y: Lanes = new_v + x[i] * new_w
-            drag: Lanes = load[i] * resists[i]
-            drag_x[i] = lengthwise * drag / maximum(absolute(v_x), min_speed)
-            drag_y[i] = share * drag / maximum(
-                square_root(v_x * v_x + v_y * v_y), min_speed)
+            along: Lanes = maximum(absolute(v_x), min_speed)
+            speed: Lanes = maximum(square_root(v_x * v_x + v_y * v_y), min_speed)
+            drag: Lanes = load[i] * resists[i] / (along * speed)  # one division for both
+            drag_x[i] = lengthwise * drag * speed
+            drag_y[i] = share * drag * along
             gain[i] = unit / (maximum(absolute(roll[i]), min_rolling) + lag)
             slip_x[i] = slip_x[i] * lag * gain[i]
             slip_y[i] = slip_y[i] * lag * gain[i]
@@ -334,7 +335,7 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
             slope[i] = stiff[i] * secant(t[i], kept[i], fall)
         for i in range(4):
             grip: Lanes = gain[i] * slope[i]
-            along: Lanes = grip + drag_y[i] + drag_x[i]
+            along = grip + drag_y[i] + drag_x[i]
             across: Lanes = lateral_ratio * grip + drag_y[i]
             force: Lanes = grip * roll[i] + slope[i] * slip_x[i]
             uu += along
@@ -345,9 +346,13 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
             bu += force
             bv -= slope[i] * slip_y[i]
             bw -= y[i] * force + x[i] * slope[i] * slip_y[i]
-        new_w = (bw - uw * bu / uu - vw * bv / vv) / (ww - uw * uw / uu - vw * vw / vv)
-        new_u = (bu - uw * new_w) / uu
-        new_v = (bv - vw * new_w) / vv
+        uu = unit / uu
+        vv = unit / vv
+        along = uw * uu
+        across = vw * vv
+        new_w = (bw - along * bu - across * bv) / (ww - along * uw - across * vw)
+        new_u = bu * uu - along * new_w
+        new_v = bv * vv - across * new_w
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
         one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)

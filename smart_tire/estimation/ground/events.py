@@ -92,12 +92,11 @@ class EventSearch:
         residual, found = self._evidence(main, fit, measurements, events)
         likely = [(gain, event.time) for event, (gain, _) in zip(events, found)]
         square = residual[:measurements.values.size].reshape(measurements.values.shape) ** 2
-        for time in times[1:]:
-            own = square[:, measurements.centers > time]
-            growth = np.maximum(own.mean(axis=1, keepdims=True), 1.0)
-            gain = (student(own) - own / growth - np.log(growth)).sum()
-            likely.append((float(gain), time))
-        gain, time = max(likely)
+        late = (measurements.centers[:, np.newaxis] > times[1:]).astype(float)
+        total, count = square @ late, late.sum(axis=0)
+        growth = np.maximum(total / count, 1.0)
+        gains = (student(square) @ late - total / growth - count * np.log(growth)).sum(axis=0)
+        gain, time = max(likely + list(zip(gains.tolist(), times[1:])))
         return time if gain > EVENT_EVIDENCE else None
 
     def rivals(self, plain: Hypothesis, fit: WindowEstimate, measurements: Measurements,

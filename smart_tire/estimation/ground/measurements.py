@@ -248,13 +248,13 @@ class Measurements:
         ``motion`` is that of ``x`` (SIZE,), its first run.
         """
         found = np.zeros((*predicted.shape, SIZE - DYNAMIC))
-        for stream in range(TORQUE):
-            found[stream, :, stream] = 1.0
-        for i in range(4):
-            motor = x[Unknown.TORQUE_OFFSET + i] - predicted[TORQUE + i]
-            found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
-            found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
-            found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
+        streams, motors = np.arange(TORQUE), np.arange(len(WHEELS))
+        found[streams, :, streams] = 1.0
+        torques = found[TORQUE:]
+        by_scale = x[OFFSETS, np.newaxis] - predicted[TORQUE:]
+        torques[:, :, Unknown.TORQUE_SCALE - DYNAMIC] = by_scale
+        torques[motors, :, Unknown.MOTOR_SCALE - DYNAMIC + motors] = by_scale
+        torques[motors, :, Unknown.TORQUE_OFFSET - DYNAMIC + motors] = 1.0
         means = motion.means[:, 0]
         square = means[model.SQUARE]
         by_arm = found[FORCE_X:TORQUE, :, Unknown.IMU_X - DYNAMIC:]
@@ -263,7 +263,7 @@ class Measurements:
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
         for row, torque in ((Unknown.MOTOR_FRICTION, self._friction(motion)[:, 0]),
                             (Unknown.MOTOR_INERTIA, self._inertia_torque)):
-            found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
+            torques[:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
     def crossing_values(self, x: Array, values: Array) -> Array:

@@ -84,17 +84,20 @@ class Whitening:
                  disturbances: Sequence[NDArray[np.bool_]]) -> None:
         squares = np.concatenate([residual.ravel(), crossings]) ** 2 / noise.variances
         films = squares[residual.size:].reshape(-1, 2)
-        films[:] = films.mean(axis=1, keepdims=True)
-        off = np.any(disturbances, axis=0)
+        films[:] = 0.5 * (films[:, :1] + films[:, 1:])
+        off = np.logical_or.reduce(disturbances)  # False without any
         growth = np.where(off if weighted else True, 1.0,
                           np.maximum((FREEDOM + squares) / (FREEDOM + 1.0), 1.0))
         scale = np.sqrt(growth)[:, np.newaxis]
         self._scale, self._film_scale = (
             scale[:residual.size].reshape(*residual.shape, 1), scale[residual.size:])
-        unused, unused_films = np.split(UNMEASURED ** 2 * (off * noise.variances), [residual.size])
-        self._noise = noise if not off.any() else WindowNoise(
-            noise.blocks + np.eye(residual.shape[1]) * unused.reshape(residual.shape)[
-                :, np.newaxis], noise.films + np.diag(unused_films))
+        self._noise = noise
+        if off.any():
+            unused = UNMEASURED ** 2 * off * noise.variances
+            self._noise = WindowNoise(
+                noise.blocks + np.eye(residual.shape[1]) * unused[:residual.size].reshape(
+                    residual.shape)[:, np.newaxis],
+                noise.films + np.diag(unused[residual.size:]))
         # by row; with the weighted squares, minus twice the logarithm of the Student distribution
         self.penalty = ((FREEDOM + 1.0) * np.log(growth) - FREEDOM * (1.0 - 1.0 / growth)
                         + self._noise.ln_variances)
