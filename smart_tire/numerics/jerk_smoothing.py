@@ -59,7 +59,10 @@ def jerks(rows: Array, signal: Array) -> Array:
     array([3.46410162, 3.46410162])
     """
     n = rows.shape[1]
-    return sum(rows[j] * signal[..., j:n + j] for j in range(4))
+    found: Array = rows[0] * signal[..., :n]
+    for j in range(1, 4):
+        found += rows[j] * signal[..., j:n + j]
+    return found
 
 
 def jerk_information(rows: Array) -> Array:

@@ -78,7 +78,7 @@ SLIP, NORMALIZED, LOAD, TRACTION, LOSS, VALUES = range(6)
 def grouped(runs: Array) -> Array:
     """Return ``runs`` (count, k) as groups (groups, k, lanes); the last run fills the last one."""
     width = LANES if cython.compiled else len(runs)
-    filled = runs[np.minimum(np.arange(-(-len(runs) // width) * width), len(runs) - 1)]
+    filled = np.concatenate([runs, runs[len(runs) - 1:].repeat(-len(runs) % width, axis=0)])
     return np.ascontiguousarray(filled.reshape(-1, width, runs.shape[1]).transpose(0, 2, 1))
 
 

@@ -255,13 +255,14 @@ class EventSearch:
                           dtype=float)
         used = 1.0 - np.maximum.reduceat(inside, first)
         value, left, matrix = np.zeros(rows.shape), others[:, 0], spread
-        start = others[:, 0, :, np.newaxis]
+        columns = np.concatenate([slopes, others[:, :1]], axis=1).transpose(0, 2, 1)
         known = spread @ off[:, :, np.newaxis]
         for _ in range(REWEIGHTINGS if rows.size else 0):
             weighted = slopes * (used / np.maximum(
                 (FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0))[:, np.newaxis]
-            matrix = weighted @ slopes.transpose(0, 2, 1) + spread
-            value = np.linalg.solve(matrix, weighted @ start + known)[:, :, 0]
+            products = weighted @ columns
+            matrix = products[:, :, :-1] + spread
+            value = np.linalg.solve(matrix, products[:, :, -1:] + known)[:, :, 0]
             left = others[:, 0] - (value[:, np.newaxis] @ slopes)[:, 0]
         square = left ** 2
         cost = (used * student(square)).sum(axis=1) + (

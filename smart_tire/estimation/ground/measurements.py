@@ -369,9 +369,8 @@ class Measurements:
         if not len(wheels):
             return np.empty((count, 0, model.VALUES))
         near = np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS  # (m, k)
-        sides = 2 * (wheels % 2)
-        after = ((motion.events[:, sides] <= times)
-                 & (times < motion.events[:, sides + 1])).astype(float)
+        new = motion.events[:, :4].reshape(-1, 2, 2)[:, wheels % 2]
+        after = ((new[:, :, 0] <= times) & (times < new[:, :, 1])).astype(float)
         groups, _, width = motion.parameters.shape
         found = np.empty((groups, len(wheels), model.VALUES, width))
         model.average_crossings(

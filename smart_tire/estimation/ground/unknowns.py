@@ -227,6 +227,13 @@ def _product_error(robot: RobotParams) -> float:
         for peak, gain in zip(film.bending(wheel), film.gains(wheel))), default=1.0)
 
 
+# names of the rows of sensors and robot
+ERRORS = {row: first.name.lower() + f'_{row - first}' * (row > first)
+          for row in (*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
+                      *range(Unknown.GYRO_BIAS, SIZE))
+          for first in [max(one for one in Unknown if one <= row)]}
+
+
 class Tension(NamedTuple):
     """The error of a sensor or of the robot that is largest over the sigma of its prior."""
 
@@ -236,11 +243,9 @@ class Tension(NamedTuple):
     @classmethod
     def of(cls, x: Array, rows: Sequence[Row]) -> Tension:
         """Return that of the unknowns ``x`` (SIZE,) with the priors ``rows``."""
-        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x.tolist(), rows)]
-        most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
-                    *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
-        first = max(one for one in Unknown if one <= most)
-        return cls(first.name.lower() + f'_{most - first}' * (most > first), sizes[most])
+        sizes = {row: abs(float(x[row]) - rows[row].mean) / rows[row].sigma for row in ERRORS}
+        most = max(sizes, key=sizes.__getitem__)
+        return cls(ERRORS[most], sizes[most])
 
 
 class WindowPrior(NamedTuple):
