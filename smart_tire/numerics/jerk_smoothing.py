@@ -9,7 +9,7 @@
 # the License.
 
 # cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True, show_performance_hints=False
+# cython: cdivision=True, infer_types=True, show_performance_hints=False
 
 """
 Smoothing of a signal against white jerk: least squares, whose equations are banded.
@@ -79,9 +79,6 @@ def jerk_information(rows: Array) -> Array:
 
 def _add_products(rows: cython.double[:, ::1], bands: cython.double[:, ::1]) -> None:
     """Add the products of each column of ``rows`` to the matrix with these ``bands``."""
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    k: cython.Py_ssize_t
     for i in range(rows.shape[1]):
         for j in range(4):
             for k in range(j + 1):
@@ -113,38 +110,34 @@ def _solve(bands: cython.double[:, ::1], precision: cython.double[:, ::1],
     Replace right-hand sides (k, n) by solutions; return False if there are none.
 
     ``factor`` (n + 6, 4) has zeros; it becomes L and the inverse of D of L D L^T. LAPACK would
-    call a function for each column of a band.
+    call a function for each column of a band. Terms that are known late are subtracted last.
     """
     a: cython.double
     b: cython.double
     c: cython.double
     d: cython.double
-    i: cython.Py_ssize_t
-    k: cython.Py_ssize_t
-    n: cython.Py_ssize_t = bands.shape[1]
+    n = bands.shape[1]
     for k in range(found.shape[0]):
         for i in range(3, n + 3 if k < precision.shape[0] else 0):
             c = bands[0, i - 3]
             b = bands[1, i - 3] - c * factor[i - 2, 0]
-            a = bands[2, i - 3] - b * factor[i - 1, 0] - c * factor[i - 1, 1]
+            a = bands[2, i - 3] - c * factor[i - 1, 1] - b * factor[i - 1, 0]
             factor[i, 0] = a * factor[i - 1, 3]
             factor[i, 1] = b * factor[i - 2, 3]
             factor[i, 2] = c * factor[i - 3, 3]
             d = (bands[3, i - 3] + precision[k, i - 3]
-                 - a * factor[i, 0] - b * factor[i, 1] - c * factor[i, 2])
+                 - c * factor[i, 2] - b * factor[i, 1] - a * factor[i, 0])
             if not d > 0.0:
                 return False
             factor[i, 3] = 1.0 / d
         a = b = c = 0.0  # the latest three
         for i in range(n):
-            d = (found[k, i] - a * factor[i + 3, 0] - b * factor[i + 3, 1]
-                 - c * factor[i + 3, 2])
+            d = found[k, i] - c * factor[i + 3, 2] - b * factor[i + 3, 1] - a * factor[i + 3, 0]
             a, b, c = d, a, b
             found[k, i] = d * factor[i + 3, 3]
         a = b = c = 0.0
         for i in range(n - 1, -1, -1):
-            d = (found[k, i] - a * factor[i + 4, 0] - b * factor[i + 5, 1]
-                 - c * factor[i + 6, 2])
+            d = found[k, i] - c * factor[i + 6, 2] - b * factor[i + 5, 1] - a * factor[i + 4, 0]
             a, b, c = d, a, b
             found[k, i] = d
     return True
