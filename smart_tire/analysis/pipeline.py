@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -266,7 +267,7 @@ class SmoothedSlip:
             if state is None or state.context.instant_ns != stamp_ns:
                 yield []
                 continue
-            yield self._output.build(state.context, state.x, state.P)
+            yield self._output.build(state.context, array('d', state.x), state.P)
             state = next(states, None)
 
     def close(self) -> None:

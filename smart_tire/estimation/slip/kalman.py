@@ -160,9 +160,10 @@ class KalmanFilter:
         A[:, :] = 0.0
         for i in range(P.shape[0]):
             for k in range(P.shape[0]):
-                if F[i, k] != 0.0:
+                by = F[i, k]
+                if by != 0.0:
                     for j in range(P.shape[0]):
-                        A[i, j] += F[i, k] * P[k, j]
+                        A[i, j] += by * P[k, j]
         P[:, :] = Q
         for j in range(P.shape[0]):
             self._fill_column(F, j)
@@ -171,9 +172,10 @@ class KalmanFilter:
         """Add (F P) F' to the lower half of a column of Q, and copy it to the row."""
         A, P = self._A, self._P
         for k in range(P.shape[0]):
-            if F[j, k] != 0.0:
+            by = F[j, k]
+            if by != 0.0:
                 for i in range(j, P.shape[0]):
-                    P[i, j] += F[j, k] * A[i, k]
+                    P[i, j] += by * A[i, k]
         for i in range(j, P.shape[0]):
             P[j, i] = P[i, j]
 
@@ -230,9 +232,10 @@ class KalmanFilter:
             return
         out[:] = 0.0
         for i in range(h.shape[0]):
-            if h[i] != 0.0:
+            by = h[i]
+            if by != 0.0:
                 for j in range(h.shape[0]):
-                    out[j] += h[i] * P[i, j]
+                    out[j] += by * P[i, j]
 
     def _apply(self, g: Array, y: float, variance: float, held: Array) -> None:
         """Correct with an innovation ``y``; ``g``, its covariance with ``x``, is overwritten."""
@@ -250,8 +253,9 @@ class KalmanFilter:
             np.asarray(P)[:] -= np.outer(g, g) - np.outer(d, d)
             return
         for i in range(g.shape[0]):
+            applied, held_part = g[i], d[i]
             for j in range(g.shape[0]):
-                P[i, j] -= g[i] * g[j] - d[i] * d[j]
+                P[i, j] -= applied * g[j] - held_part * d[j]
 
     def _hold_position(self, d: Array) -> None:
         """

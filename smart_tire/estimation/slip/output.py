@@ -20,7 +20,6 @@ This is plain Python; ``setup.py`` compiles it with Cython where there is a comp
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -239,7 +238,7 @@ class SlipOutputBuilder:
         if self._pose is not None:
             self._pose.reset()
 
-    def build(self, context: OutputContext, x: Sequence[float], P: Array) -> list[EstimateRecord]:
+    def build(self, context: OutputContext, x: array[float], P: Array) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
         imu, stamp_ns = context.imu, context.instant_ns
         along, across = context.hidden
@@ -247,8 +246,7 @@ class SlipOutputBuilder:
             P = P + along * common_slip(len(P))
             P[State.V_Y, State.V_Y] += across
         covariance: cython.double[:, :] = P
-        moved = self._motion.extrapolate(array('d', x), context.mean or imu,
-                                         context.extrapolation)
+        moved = self._motion.extrapolate(x, context.mean or imu, context.extrapolation)
         now: cython.double[::1] = moved
         rate: cython.double = imu[0]
         W = rate - now[GYRO_BIAS_Z]

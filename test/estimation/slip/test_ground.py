@@ -10,6 +10,7 @@
 
 """Slip filter with the ground given: consistency, changes of the ground, its end."""
 
+from array import array
 from dataclasses import replace
 from functools import cache
 import math
@@ -231,7 +232,7 @@ def test_slip_on_ice_that_nothing_shows_is_within_its_sigma(seeds):
 
 def test_hidden_common_slip_is_an_error_of_slip_and_speed_but_not_of_the_wheels():
     builder = SlipOutputBuilder(PARAMS)
-    x, P = [0.0] * N, 1e-6 * np.eye(N)
+    x, P = array('d', bytes(8 * N)), 1e-6 * np.eye(N)
     x[State.V_X] = 1.0
     reading = ImuReading(0.0, 0.0, 0.0)
     context = OutputContext(NS_PER_S, 0.0, reading, 1e-6, (0.0,) * 4)

@@ -31,7 +31,8 @@ CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), 1e-4, (0.0,) * 4)
 
 def moving():
     """Return state and covariance at 1 m/s."""
-    x, P = initial_state(PARAMS)
+    start, P = initial_state(PARAMS)
+    x = array('d', start)
     x[State.V_X], x[State.SLIP_VEL_L], x[State.GYRO_BIAS_Z] = 1.0, 0.1, 0.01
     return x, P
 
