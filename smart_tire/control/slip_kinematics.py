@@ -94,66 +94,65 @@ class SlideModel:
 
     def __init__(self, compliance: float, half_track: float) -> None:
         """Begin with the expected ``compliance`` c [s2/m], on level ground."""
-        self._compliance, self._half_track = compliance, half_track
-        self._known = History(), History()  # driving, turning in place: motion, slip velocity
+        self._half_track = half_track
+        self._prior = np.array([compliance, 0.0, 0.0, 0.0])
+        # driving, turning in place: inverse variances of the prior; the equations of each motion,
+        # which are share of the turn, factors of c, b_x, b_y and x, and the sum of these products
+        self._information = [np.diag(np.array([compliance, sigma, sigma, c.PIVOT_SIGMA]) ** -2.0)
+                             for sigma in (c.SLIDE_SIGMA, c.SPIN_SLIDE_SIGMA)]
+        self._known = History(), History()
         self._latest_ns = 0
 
     def add(self, motion: Moved, slip: float, stamp_ns: int) -> None:
         """Add a motion and the mean slip velocity [m/s] beyond that which the drive causes."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
         self._latest_ns = stamp_ns
-        known = self._known[int(self.share(motion[0], motion[2]))]
-        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion, slip)
+        v_x, v_y, yaw_rate, cos, sin = motion
+        share, speed = self.share(v_x, yaw_rate), self._side_speed(v_x, yaw_rate)
+        in_place, less = int(share), c.AHEAD_WEIGHT * speed
+        lateral = (share, -abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos,
+                   -yaw_rate * in_place, v_y)
+        ahead = share, 0.0, less * cos, less * sin, 0.0, -c.AHEAD_WEIGHT * slip
+        known = self._known[in_place]
+        known.add((known.times[-1] if known.times else 0) + elapsed_ns,
+                  *lateral, *(ahead if in_place else ()))
 
-    def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
+    def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> tuple[Array, Array]:
         """
-        Return the slide ahead and the lateral speed [m/s] at yaws [rad]: (2,) or (2, n).
+        Return the slide ahead and the lateral speed [m/s] at yaws [rad], (n,) or one.
 
         A slide is at most ``MAX_SLIDE`` times the speed of the wheels: a fit to its onset may
         give more.
         """
-        coefficients = self._coefficients(float(self.share(v_x, yaw_rate)))
-        coefficients[1:3] /= max(math.hypot(*coefficients[1:3]) / c.MAX_SLIDE, 1.0)
-        return np.stack([coefficients @ terms for terms in self._terms(
-            v_x, yaw_rate, np.cos(yaw), np.sin(yaw))])
+        share, speed = self.share(v_x, yaw_rate), self._side_speed(v_x, yaw_rate)
+        compliance, b_x, b_y, x = self._coefficients(share).tolist()
+        speed /= max(math.hypot(b_x, b_y) / c.MAX_SLIDE, 1.0)
+        cos, sin, in_place = np.cos(yaw), np.sin(yaw), int(share)
+        return (in_place * speed * (b_x * cos + b_y * sin), speed * (b_y * cos - b_x * sin)
+                - (compliance * abs(v_x) * v_x + in_place * x) * yaw_rate)
 
-    def share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
+    def share(self, v_x: float, yaw_rate: float) -> float:
         """Return the speed of the sides by the turn over that of the faster one; 1 in place."""
-        turn = self._half_track * np.abs(yaw_rate)
-        return turn / np.maximum(np.maximum(turn, np.abs(v_x)), c.TINY)
+        return self._half_track * abs(yaw_rate) / max(self._side_speed(v_x, yaw_rate), c.TINY)
+
+    def _side_speed(self, v_x: float, yaw_rate: float) -> float:
+        """Return the larger one of the speeds [m/s] of the drive and of the turn."""
+        return max(abs(v_x), self._half_track * abs(yaw_rate))
 
     def _coefficients(self, share: float) -> Array:
         """Return c, b_x, b_y and x of motions with this share of the turn."""
-        if share < 1.0:
-            prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMA
-        else:
-            prior, sigma = self._coefficients(0.0), c.SPIN_SLIDE_SIGMA
-        known = self._known[int(share)]
+        in_place = int(share)
+        prior, known = self._coefficients(0.0) if in_place else self._prior, self._known[in_place]
         if not known.times:
             return prior
-        v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
-        ahead, lateral = self._terms(v_x, yaw_rate, cos, sin)
-        off = np.abs(self.share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.SLIDE_SPREAD
-        less = weight * c.AHEAD_WEIGHT
-        terms = np.concatenate([less * ahead, weight * lateral], axis=1)
-        measured = np.concatenate([-less * slip * (share == 1.0), weight * v_y])
-        weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
-        found: Array = prior + np.linalg.lstsq(
-            np.vstack([terms.T, weights]),
-            np.append(measured - prior @ terms, np.zeros(len(prior))), rcond=None)[0]
+        equations = np.reshape(known.values, (-1, 6))
+        factors, measured = equations[:, 1:5], equations[:, 5]
+        weighted = factors.T * np.exp(
+            np.abs(equations[:, 0] - share) / -c.SIMILAR_TURNING) / c.SLIDE_SPREAD ** 2
+        found: Array = prior + np.linalg.solve(
+            weighted @ factors + self._information[in_place],
+            weighted @ (measured - factors @ prior))
         return found
-
-    def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike
-               ) -> tuple[Array, Array]:
-        """Return what the coefficients are multiplied with: slide ahead, lateral speed (4, n)."""
-        v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
-        in_place = self.share(v_x, yaw_rate) == 1.0
-        speed = np.maximum(np.abs(v_x), self._half_track * np.abs(yaw_rate))
-        ahead, lateral = (np.stack(np.broadcast_arrays(*part)) for part in (
-            (0.0, speed * in_place * cos, speed * in_place * sin, 0.0),
-            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate * in_place)))
-        return ahead, lateral
 
 
 class VelocityFeedback:
@@ -288,7 +287,7 @@ class SlipKinematics:
 
     def _in_place(self, v_x: float, yaw_rate: float) -> bool:
         """Return whether one side rolls back, so that both have the slip ratio of the turn."""
-        return float(self._slide.share(v_x, yaw_rate)) == 1.0
+        return self._slide.share(v_x, yaw_rate) == 1.0
 
     def _turning_share(self, v_x: float, yaw_rate: float) -> float:
         """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
