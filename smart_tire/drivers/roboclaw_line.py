@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from typing import Any
 
 from smart_tire.drivers.clock import Clock, SYSTEM
@@ -81,13 +81,10 @@ class RoboclawLine:
         For values that the motors do not depend on: one attempt, and no error.
         """
         self._refuse_flood()
-        self._port.timeout = timeout
         try:
-            values = self._attempt(address, command)
+            return self._attempt(address, command, timeout=timeout)
         except FrameError:
-            values = None
-        self._port.timeout = REPLY_TIMEOUT
-        return values
+            return None
 
     def probe(self, address: int, command: Command) -> bool:
         """Return whether the line was quiet and the board replies to a single read request."""
@@ -119,7 +116,11 @@ class RoboclawLine:
             self.last_error = f'{waiting} bytes arrived without a request'
             raise FrameError(self.last_error)
 
-    def _attempt(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
+    def _attempt(self, address: int, command: Command, *values: int,
+                 timeout: float | None = None) -> tuple[int, ...]:
+        timeout = REPLY_TIMEOUT if timeout is None else timeout
+        if self._port.timeout != timeout:  # pyserial sets up the port for each new one
+            self._port.timeout = timeout
         self._flush()  # a late reply would be mistaken for the reply to this request
         asked_ns = self._clock.now_ns()
         self._clock.act(asked_ns)  # the reply is read at once: its time is half-way to then
@@ -221,18 +222,22 @@ class LineTiming:
     """
 
     def __init__(self) -> None:
-        self._durations: defaultdict[Command, deque[int]] = defaultdict(
-            lambda: deque(maxlen=MAX_EXCHANGES))
-        self.poll_time = 0.0  # s, 0 until it is known
+        self._durations: dict[Command, deque[int]] = {
+            command: deque(maxlen=MAX_EXCHANGES) for command in POLL}
 
     def record(self, command: Command, duration_ns: int) -> None:
         """Record a request with its good reply, which took ``duration_ns``."""
-        self._durations[command].append(duration_ns)
-        if command == SET_DUTY and all(
-                len(self._durations[one]) >= MIN_EXCHANGES for one in (READ_ENCODERS, SET_DUTY)):
-            from statistics import median  # nodes start without
-            self.poll_time = BOARDS / NS_PER_S * sum(
-                median(self._durations[one]) for one in POLL if self._durations[one])
+        if command in self._durations:
+            self._durations[command].append(duration_ns)
+
+    @property
+    def poll_time(self) -> float:
+        """Return the time of a poll [s], 0 until it is known."""
+        durations = {command: tuple(known) for command, known in self._durations.items()}
+        if min(len(durations[one]) for one in (READ_ENCODERS, SET_DUTY)) < MIN_EXCHANGES:
+            return 0.0
+        from statistics import median  # nodes start without
+        return BOARDS / NS_PER_S * sum(median(known) for known in durations.values() if known)
 
     def excess(self, rate: float) -> str:
         """Return why the ``rate`` of polls [Hz] is too high, '' if it is not or not known."""

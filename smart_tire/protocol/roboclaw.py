@@ -24,6 +24,7 @@ from __future__ import annotations
 from binascii import crc_hqx
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 import math
 import struct
 
@@ -45,7 +46,7 @@ STATUS_NORMAL = 0           # status without error or warning bits
 _CRC = struct.Struct('>H')
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Command:
     """One command, with the struct formats of the values in its request and in its reply."""
 
@@ -54,17 +55,17 @@ class Command:
     reply: str = '>'
     text: bool = False  # whether the reply is a text, of any length up to MAX_TEXT_LENGTH
 
-    @property
+    @cached_property
     def reads(self) -> bool:
         """Return whether the reply holds values; otherwise it is an acknowledgement."""
         return self.text or self.reply != '>'
 
-    @property
+    @cached_property
     def request_size(self) -> int:
         """Return the size of the whole request in bytes."""
         return 2 + (0 if self.reads else struct.calcsize(self.request) + _CRC.size)
 
-    @property
+    @cached_property
     def reply_size(self) -> int:
         """Return the size of the whole reply in bytes, the largest one of a text."""
         if self.text:
@@ -122,16 +123,15 @@ def encode_reply(address: int, command: Command, *values: int) -> bytes:
 
 def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...]:
     """Return the values in ``reply``; raise FrameError if it does not answer ``command``."""
-    name = f'reply of {address:#04x} to command {command.code}'
     if len(reply) != command.reply_size:
-        raise FrameError(f'{name} has {len(reply)} bytes, expected {command.reply_size}')
-    if not command.reads:
-        if reply != ACKNOWLEDGE:
-            raise FrameError(f'{name} is {reply.hex()}, expected {ACKNOWLEDGE.hex()}')
-        return ()
-    if crc_hqx(bytes((address, command.code)) + reply, 0):
-        raise FrameError(f'{name} has a wrong CRC: {reply.hex()}')
-    return struct.unpack(command.reply, reply[:-_CRC.size])
+        problem = f'has {len(reply)} bytes, expected {command.reply_size}'
+    elif not command.reads and reply != ACKNOWLEDGE:
+        problem = f'is {reply.hex()}, expected {ACKNOWLEDGE.hex()}'
+    elif command.reads and crc_hqx(bytes((address, command.code)) + reply, 0):
+        problem = f'has a wrong CRC: {reply.hex()}'
+    else:
+        return struct.unpack(command.reply, reply[:-_CRC.size]) if command.reads else ()
+    raise FrameError(f'reply of {address:#04x} to command {command.code} {problem}')
 
 
 def encode_text_reply(address: int, command: Command, text: str) -> bytes:
