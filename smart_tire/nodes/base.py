@@ -153,9 +153,10 @@ class SmartTireNode(Node, Generic[Params]):
 
     def now_ns(self) -> int:
         """Return the time for message stamps [ns]: ROS time, simulated with ``use_sim_time``."""
-        if SYSTEM.simulated is not None:
-            return SYSTEM.time_ns()  # messages on /clock have a period
-        return int(self.get_clock().now().nanoseconds)
+        clock = self.get_clock()
+        if SYSTEM.simulated is None and clock.ros_time_is_active:
+            return int(clock.now().nanoseconds)
+        return SYSTEM.time_ns()  # messages on /clock have a period
 
     def steady_ns(self) -> int:
         """Return the steady time [ns], for time-outs and ages."""
@@ -193,13 +194,12 @@ class SmartTireNode(Node, Generic[Params]):
         if name == self.paced_by and SYSTEM.simulated is not None:
             on_sample = paced(
                 on_sample, SYSTEM.simulated.join(self.get_name()), self.pace_lag_ns)
-        handle = self._handler(name, counter, convert, on_sample)
 
         def on_message(msg: Any) -> None:
-            handle(msg)
+            self.guarded(name, counter, lambda: on_sample(convert(msg)))
 
         def on_message_with_info(msg: Any, info: MessageInfo) -> None:  # rclpy counts arguments
-            handle(msg, info)
+            self.guarded(name, counter, lambda: on_sample(convert(msg), info))
 
         profile = profile or subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
         if kept:
@@ -220,14 +220,6 @@ class SmartTireNode(Node, Generic[Params]):
         else:
             self.destroy_subscription(subscription)
         del self.inputs[name]
-
-    def _handler(self, name: str, counter: InputCounter, convert: Callable[[Any], Any],
-                 on_sample: Callable[..., None]) -> Callable[..., None]:
-        """Return a function that hands over the sample in a message, or rejects it."""
-        def handle(msg: Any, *info: Any) -> None:
-            self.guarded(name, counter, lambda: on_sample(convert(msg), *info))
-
-        return handle
 
     def guarded(self, name: str, counter: InputCounter, action: Callable[[], object]) -> None:
         """Handle a message of the input ``name`` by ``action``; no error of it ends the node."""

@@ -42,7 +42,7 @@ class LoopTimer:
         self.wakes = wakes
         self._clock, self._callback = clock, callback
         self._period_ns = round(period * NS_PER_S)
-        self._early_ns = self._period_ns // 2 if elastic else 0
+        self.early_ns = self._period_ns // 2 if elastic else 0
         self.reset()
 
     def reset(self) -> None:
@@ -57,15 +57,12 @@ class LoopTimer:
         """Return whether it is canceled."""
         return self.due_ns == NEVER
 
-    def call_if_due(self) -> None:
-        """Call the callback if it is due, once if this was several times."""
-        late_ns = self._clock() - self.due_ns
-        if late_ns < -self._early_ns:
-            return
-        if self._early_ns:
+    def call(self, now_ns: int) -> None:
+        """Call the callback, which is due at ``now_ns``, once if it was several times."""
+        if self.early_ns:
             self.reset()
         else:
-            self.due_ns += self._period_ns * (1 + late_ns // self._period_ns)
+            self.due_ns += self._period_ns * (1 + (now_ns - self.due_ns) // self._period_ns)
         self._callback()
 
 
@@ -91,8 +88,10 @@ class Timers:
 
     def handle(self) -> float:
         """Call the timers that are due; return the time [s] until the next one."""
+        now_ns = self._clock()
         for timer in self._timers:
-            timer.call_if_due()
+            if now_ns >= timer.due_ns - timer.early_ns:
+                timer.call(now_ns)
         due_ns = self.due_ns
         if self.participant is not None:
             self.participant.permit(min(due_ns + TIMER_LAG_NS, NEVER))
