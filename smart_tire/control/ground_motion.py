@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from operator import add, sub
 
 from smart_tire.control import constants as c
 from smart_tire.control.history import History
@@ -71,9 +72,10 @@ def wrap(angle: float) -> float:
 
 def motion_of(odometry: Odometry) -> Motion | None:
     """Return the motion in a message; None if it is not plausible or not finite."""
-    if not (all(map(math.isfinite, (*odometry.position, *odometry.orientation)))
-            and all(abs(speed) <= MAX_SPEED for speed in odometry.linear)
-            and all(abs(rate) <= MAX_ANGULAR_RATE for rate in odometry.angular)):
+    if not (all(map(math.isfinite, (*odometry.position, *odometry.orientation, *odometry.linear,
+                                    *odometry.angular)))
+            and max(map(abs, odometry.linear)) <= MAX_SPEED
+            and max(map(abs, odometry.angular)) <= MAX_ANGULAR_RATE):
         return None
     return Motion(*odometry.position[:2], yaw_of(odometry.orientation), *odometry.linear[:2],
                   odometry.angular[2])
@@ -108,11 +110,11 @@ class Travel(History):
     def extend(self, stamp_ns: int, *driven: float) -> None:
         """Add what was driven since the latest sample."""
         before = self.latest if self.times else (0.0,) * len(driven)
-        self.add(stamp_ns, *map(sum, zip(before, driven)))
+        self.add(stamp_ns, *map(add, before, driven))
 
     def between(self, begin_ns: int, end_ns: int) -> tuple[float, ...]:
         """Return what was driven in an interval within that of the samples."""
-        return tuple(end - begin for begin, end in zip(self.at(begin_ns), self.at(end_ns)))
+        return tuple(map(sub, self.at(end_ns), self.at(begin_ns)))
 
 
 class TwistCheck:

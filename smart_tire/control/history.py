@@ -36,8 +36,9 @@ class History:
             self.clear()
         self.times.append(time_ns)
         self.values.append(values)
-        old = max(min(bisect(self.times, time_ns - c.HISTORY_NS) - 1, len(self.times) - 2), 0)
-        del self.times[:old], self.values[:old]
+        old = min(bisect(self.times, time_ns - c.HISTORY_NS) - 1, len(self.times) - 2)
+        if old > 0:
+            del self.times[:old], self.values[:old]
 
     @property
     def latest(self) -> tuple[float, ...]:
@@ -53,9 +54,10 @@ class History:
     def at(self, time_ns: int) -> tuple[float, ...]:
         """Return values on the line through those before and after a time; two are needed."""
         after = min(max(bisect(self.times, time_ns), 1), len(self.times) - 1)
-        (t_0, t_1), (one, two) = self.times[after - 1:after + 1], self.values[after - 1:after + 1]
-        share = (time_ns - t_0) / max(t_1 - t_0, 1)
-        return tuple([a + share * (b - a) for a, b in zip(one, two)])
+        begin_ns = self.times[after - 1]
+        share = (time_ns - begin_ns) / max(self.times[after] - begin_ns, 1)
+        return tuple([one + share * (two - one) for one, two in zip(
+            self.values[after - 1], self.values[after])])
 
 
 def time_step(now_ns: int, before_ns: int | None, rate: float) -> float:

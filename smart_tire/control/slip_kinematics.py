@@ -337,5 +337,6 @@ def _side(slip: WheelSlip, wheels: tuple[int, int], v_x: float) -> tuple[float, 
              if math.isfinite(slip.slip_velocity[i]) and math.isfinite(slip.sigma[i])]
     if not known:
         return None
-    velocity = sum(one[0] for one in known) / len(known)
-    return velocity, max(one[1] for one in known) * abs(v_x + velocity)
+    velocities, sigmas = zip(*known)
+    velocity = sum(velocities) / len(known)
+    return velocity, max(sigmas) * abs(v_x + velocity)
