@@ -20,10 +20,12 @@ import numpy as np
 from smart_tire.arrays import Array, Instants
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion
-from smart_tire.control.history import History
 from smart_tire.samples import NS_PER_S
 
 LAGS = c.DELAY_STEP * 2.0 ** np.arange(5)  # s
+DECAYS = -1.0 / NS_PER_S / LAGS  # 1/ns
+USUAL_LAGS = [int(np.abs(LAGS - lag).argmin()) for lag in c.USUAL_LAGS]  # indices
+NEVER_NS = -1 << 62  # time at which the base was at rest
 
 
 class BaseResponse:
@@ -39,16 +41,21 @@ class BaseResponse:
 
     def __init__(self, given: float, arm: float) -> None:
         """Begin with the ``given`` delay [s]; ``arm`` [m] is half of the track."""
-        self._scale = np.array([1.0, arm])
+        self._scale = np.array([[1.0], [arm]])
         self.given = given          # may be replaced at run time
-        self._commands = History()  # v_x, yaw rate, and how far each got with each of the lags
-        self._known: tuple[Instants, Array] = np.empty(0, np.int64), np.empty((0, 0))  # of them
+        self._rest()
         # over time, of products of commands and motion, by dead time, axis and lag
         self._sums = np.zeros((3, len(c.DELAYS), 2, len(LAGS)))
         self.factors = np.ones(2)   # commanded over reached speed and yaw rate
         self._learned_ns: int | None = None
         self._learned: tuple[int, int, int] | None = None
         self._disturbance = np.zeros(2)  # m/s, rad/s
+
+    def _rest(self) -> None:
+        """Begin at rest: without commands."""
+        self._times_ns = np.array([NEVER_NS])
+        # v_x and yaw rate, and how far they were away from it with each of the lags
+        self._commands = np.zeros((1, 2, 1 + len(LAGS)))
 
     @property
     def delay(self) -> float:
@@ -60,9 +67,13 @@ class BaseResponse:
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
         """Add the velocity [m/s, rad/s] that is commanded from now on."""
-        reached = self._modeled(np.array([now_ns]))
-        self._commands.add(now_ns, v_x, yaw_rate, *reached.ravel().tolist())
-        self._known = np.array(self._commands.times), np.array(self._commands.values)
+        velocity = np.array([[v_x], [yaw_rate]])
+        added = np.append(velocity, self._modeled(np.array([now_ns]))[0] - velocity, axis=1)
+        if now_ns < self._times_ns[-1]:
+            self._rest()
+        old = max(int(np.searchsorted(self._times_ns, now_ns - c.HISTORY_NS, 'right')) - 1, 0)
+        self._times_ns = np.append(self._times_ns[old:], now_ns)
+        self._commands = np.append(self._commands[old:], added[None], axis=0)
 
     def learn(self, motion: Motion, stamp_ns: int) -> None:
         """Compare the motion at ``stamp_ns`` with the commands before it, each ``DELAY_STEP``."""
@@ -71,15 +82,15 @@ class BaseResponse:
             return
         self._learned_ns = stamp_ns
         if last_ns is None or not 0 < stamp_ns - last_ns <= c.MAX_GAP_NS or (
-                not self._commands.times):
+                self._times_ns[-1] == NEVER_NS):
             return
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
         modeled = self._modeled(stamp_ns - c.DELAYS_NS)
         self._correlate(modeled, reached, elapsed)
         unexplained = self._unexplained()
-        best = np.unravel_index(unexplained.argmin(), unexplained.shape)
-        if unexplained[self._present()] > c.DELAY_RATIO * unexplained[best] + c.DELAY_MARGIN:
-            delay, speed, turn = map(int, best)
+        if unexplained[self._present()] > c.DELAY_RATIO * unexplained.min() + c.DELAY_MARGIN:
+            delay, speed, turn = map(int, np.unravel_index(
+                unexplained.argmin(), unexplained.shape))
             self._learned = delay, speed, turn
         row, *columns = self._present()
         self._disturbance += elapsed / (elapsed + c.DELAYS[row] + LAGS[columns]) * (
@@ -87,7 +98,7 @@ class BaseResponse:
 
     def _correlate(self, modeled: Array, reached: Array, elapsed: float) -> None:
         """Add to the sums over the latest seconds."""
-        m, y = modeled * self._scale[:, None], (reached * self._scale)[:, None]
+        m, y = modeled * self._scale, reached[:, None] * self._scale
         self._sums *= math.exp(-elapsed * NS_PER_S / c.HISTORY_NS)
         for sums, product in zip(self._sums, (m * m, m * y, y * y)):
             sums += elapsed * product
@@ -96,8 +107,7 @@ class BaseResponse:
         """Return what the commands leave of the motion [(m/s)^2 s], by dead time and lags."""
         mm, my, yy = self._sums
         rest = yy - np.maximum(my, 0.0) ** 2 / np.maximum(mm, c.TINY)
-        speed, turn = rest.swapaxes(0, 1)
-        return speed[:, :, None] + turn[:, None]
+        return rest[:, 0, :, None] + rest[:, 1, None]
 
     def predicted(self, motion: Motion, stamp_ns: int, now_ns: int) -> Motion:
         """
@@ -125,20 +135,15 @@ class BaseResponse:
         """Return the indices of the present dead time and lags."""
         if self._learned is not None:
             return self._learned
-        speed, turn = (int(np.abs(LAGS - lag).argmin()) for lag in c.USUAL_LAGS)
-        return int(np.abs(c.DELAYS + c.USUAL_LAGS[0] - self.given).argmin()), speed, turn
+        steps, (speed, turn) = round((self.given - c.USUAL_LAGS[0]) / c.DELAY_STEP), USUAL_LAGS
+        return min(max(steps, 0), len(c.DELAYS) - 1), speed, turn
 
     def _modeled(self, times_ns: Instants) -> Array:
         """Return speed and yaw rate at times (n,) without dead time, by lag: (n, 2, lags)."""
-        if not self._commands.times:
-            return np.zeros((len(times_ns), 2, len(LAGS)))
-        known, values = self._known
-        index = np.searchsorted(known, times_ns, 'right') - 1
-        age = np.maximum(times_ns - known[index], 0) / NS_PER_S
-        at = values[index]
-        command, begin = at[:, :2, None], at[:, 2:].reshape(-1, 2, len(LAGS))
-        modeled = command + (begin - command) * np.exp(-age[:, None] / LAGS)[:, None]
-        return np.where((index >= 0)[:, None, None], modeled, 0.0)  # at rest before the first one
+        index = np.searchsorted(self._times_ns, times_ns, 'right') - 1
+        age, at = times_ns - self._times_ns[index], self._commands[index]
+        modeled: Array = at[..., :1] + at[..., 1:] * np.exp(age[:, None, None] * DECAYS)
+        return modeled
 
 
 def _twist(motion: Motion) -> Array:
