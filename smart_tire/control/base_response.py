@@ -44,8 +44,9 @@ class BaseResponse:
         self._scale = np.array([[1.0], [arm]])
         self.given = given          # may be replaced at run time
         self._rest()
-        # over time, of products of commands and motion, by dead time, axis and lag
-        self._sums = np.zeros((3, len(c.DELAYS), 2, len(LAGS)))
+        # over time: squares of the commands and products with the motion, by dead time, axis and
+        # lag; squares of the motion
+        self._sums, self._squares = np.zeros((2, len(c.DELAYS), 2, len(LAGS))), 0.0
         self.factors = np.ones(2)   # commanded over reached speed and yaw rate
         self._learned_ns: int | None = None
         self._learned: tuple[int, int, int] | None = None
@@ -87,10 +88,10 @@ class BaseResponse:
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
         modeled = self._modeled(stamp_ns - c.DELAYS_NS)
         self._correlate(modeled, reached, elapsed)
-        unexplained = self._unexplained()
-        if unexplained[self._present()] > c.DELAY_RATIO * unexplained.min() + c.DELAY_MARGIN:
-            delay, speed, turn = map(int, np.unravel_index(
-                unexplained.argmin(), unexplained.shape))
+        explained = self._explained()
+        if self._squares - explained[self._present()] > c.DELAY_MARGIN + c.DELAY_RATIO * (
+                self._squares - explained.max()):
+            delay, speed, turn = map(int, np.unravel_index(explained.argmax(), explained.shape))
             self._learned = delay, speed, turn
         row, *columns = self._present()
         self._disturbance += elapsed / (elapsed + c.DELAYS[row] + LAGS[columns]) * (
@@ -99,15 +100,17 @@ class BaseResponse:
     def _correlate(self, modeled: Array, reached: Array, elapsed: float) -> None:
         """Add to the sums over the latest seconds."""
         m, y = modeled * self._scale, reached[:, None] * self._scale
-        self._sums *= math.exp(-elapsed * NS_PER_S / c.HISTORY_NS)
-        for sums, product in zip(self._sums, (m * m, m * y, y * y)):
-            sums += elapsed * product
+        kept, weighted = math.exp(-elapsed * NS_PER_S / c.HISTORY_NS), elapsed * m
+        self._sums *= kept
+        self._sums[0] += weighted * m
+        self._sums[1] += weighted * y
+        self._squares = kept * self._squares + elapsed * float(np.vdot(y, y))
 
-    def _unexplained(self) -> Array:
-        """Return what the commands leave of the motion [(m/s)^2 s], by dead time and lags."""
-        mm, my, yy = self._sums
-        rest = yy - np.maximum(my, 0.0) ** 2 / np.maximum(mm, c.TINY)
-        return rest[:, 0, :, None] + rest[:, 1, None]
+    def _explained(self) -> Array:
+        """Return what the commands explain of the motion [(m/s)^2 s], by dead time and lags."""
+        squares, products = self._sums
+        explained = np.maximum(products, 0.0) ** 2 / np.maximum(squares, c.TINY)
+        return explained[:, 0, :, None] + explained[:, 1, None]
 
     def predicted(self, motion: Motion, stamp_ns: int, now_ns: int) -> Motion:
         """

@@ -145,7 +145,7 @@ class SlideModel:
         prior, known = self._coefficients(0.0) if in_place else self._prior, self._known[in_place]
         if not known.times:
             return prior
-        equations = np.reshape(known.values, (-1, 6))
+        equations = np.array(known.values).reshape(-1, 6)
         factors, measured = equations[:, 1:5], equations[:, 5]
         weighted = factors.T * np.exp(
             np.abs(equations[:, 0] - share) / -c.SIMILAR_TURNING) / c.SLIDE_SPREAD ** 2

@@ -84,7 +84,7 @@ class Timers:
     @property
     def due_ns(self) -> int:
         """Return when the loop must call ``handle`` at the latest."""
-        return min((timer.due_ns for timer in self._timers if timer.wakes), default=NEVER)
+        return min([timer.due_ns for timer in self._timers if timer.wakes], default=NEVER)
 
     def handle(self) -> float:
         """Call the timers that are due; return the time [s] until the next one."""
