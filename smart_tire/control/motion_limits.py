@@ -15,8 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from smart_tire.control import constants as c
 from smart_tire.control.ground_knowledge import allowed_acceleration, MappedGround
 from smart_tire.control.path_geometry import Segment
@@ -51,24 +49,24 @@ class MotionLimits:
         planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead. A map
         lowers d and the limits of curves where its friction permits less.
         """
-        least = math.inf if self.mapped is None else allowed_acceleration(0.0, self.mapped.params)
-        reach = c.PLANNED_SHARE * min(self.deceleration, LONGITUDINAL_SHARE * float(least))
+        lowest = math.inf if self.mapped is None else allowed_acceleration(0.0, self.mapped.params)
+        reach = c.PLANNED_SHARE * min(self.deceleration, LONGITUDINAL_SHARE * float(lowest))
         first = segment.index(distance)
         last = segment.index(distance + self.speed ** 2 / (2.0 * reach)) + 1
-        ahead = slice(first, last)
-        allowed = np.full(last - first, math.inf) if self.mapped is None else (
-            self.mapped.acceleration(segment.x[ahead], segment.y[ahead], segment.heading[ahead]))
-        rate = c.PLANNED_SHARE * np.minimum(self.deceleration, LONGITUDINAL_SHARE * allowed)
-        braking = np.append(0.0, np.cumsum(2.0 * np.minimum(rate[1:], rate[:-1]) * np.diff(
-            np.maximum(segment.distance[ahead], distance))))
-        curvature = np.maximum(np.abs(segment.curvature[ahead]), c.TINY)
-        lateral = np.minimum(self.lateral, c.LATERAL_SHARE * allowed)
-        squared = np.minimum((self.yaw_rate / curvature) ** 2, lateral / curvature)
-        squared = np.minimum(squared, c.PLANNED_SHARE * self.yaw_acceleration / np.maximum(
-            segment.curvature_rate[ahead], c.TINY))
-        if last == segment.distance.size:
-            squared[-1] = 0.0
-        return math.sqrt(min(self.speed ** 2, float(np.min(squared + braking))))
+        allowed = [math.inf] * (last - first) if self.mapped is None else (
+            self.mapped.acceleration(*(values[first:last] for values in (
+                segment.x, segment.y, segment.heading))).tolist())
+        least, braking, at, rate = self.speed ** 2, 0.0, distance, 0.0  # least: squared speed
+        for (place, curvature, change), friction in zip(segment.bends[first:last], allowed):
+            before, rate = rate, c.PLANNED_SHARE * min(
+                self.deceleration, LONGITUDINAL_SHARE * friction)
+            braking += 2.0 * min(before, rate) * max(place - at, 0.0)
+            squared = 0.0 if place == segment.length else min(
+                (self.yaw_rate / curvature) ** 2,
+                min(self.lateral, c.LATERAL_SHARE * friction) / curvature,
+                c.PLANNED_SHARE * self.yaw_acceleration / change)
+            at, least = max(place, at), min(least, braking + squared)
+        return math.sqrt(least)
 
     def next_speed(self, wanted: float, last: float, dt: float) -> float:
         """Return the speed [m/s] towards ``wanted``, ``dt`` [s] after ``last``; both >= 0."""

@@ -71,6 +71,11 @@ class Segment:
         self.heading = moving_average(moving_average(heading, half), half)
         self.curvature = np.gradient(self.heading, self._step)
         self.curvature_rate = np.abs(np.gradient(self.curvature, self._step))
+        self._points = list(zip(*(values.tolist() for values in (
+            self.x, self.y, self.heading, self.curvature))))
+        # at each of them: distance [m], magnitudes of curvature [1/m] and its rate [1/m2], not 0
+        self.bends = list(zip(*(values.tolist() for values in (
+            self.distance, *np.maximum(np.abs((self.curvature, self.curvature_rate)), c.TINY)))))
 
     @property
     def end(self) -> tuple[float, float]:
@@ -84,22 +89,23 @@ class Segment:
     def project(self, x: float, y: float, low: float, high: float) -> PathPoint:
         """Return the point nearest to (x, y) with an arc length [m] from ``low`` to ``high``."""
         first = min(self.index(low), self.distance.size - 2)
-        last = min(self.index(high) + 2, self.distance.size)
-        px, py = self.x[first:last], self.y[first:last]
-        ex, ey = np.diff(px), np.diff(py)
-        share = np.clip(((x - px[:-1]) * ex + (y - py[:-1]) * ey) / np.maximum(
-            ex ** 2 + ey ** 2, c.TINY ** 2), 0.0, 1.0)
-        best = int(np.argmin((px[:-1] + share * ex - x) ** 2 + (py[:-1] + share * ey - y) ** 2))
-        distance = (first + best + float(share[best])) * self._step
-        return self.point(min(max(distance, low), high, self.length), x, y)
+        least, nearest = math.inf, 0.0
+        for i in range(first, min(self.index(high), self.distance.size - 2) + 1):
+            (px, py, *_), (qx, qy, *_) = self._points[i:i + 2]
+            ex, ey = qx - px, qy - py
+            share = min(max(((x - px) * ex + (y - py) * ey) / max(
+                ex * ex + ey * ey, c.TINY ** 2), 0.0), 1.0)
+            dx, dy = px + share * ex - x, py + share * ey - y
+            if (off := dx * dx + dy * dy) < least:
+                least, nearest = off, i + share
+        return self.point(min(max(nearest * self._step, low), high, self.length), x, y)
 
     def point(self, distance: float, x: float, y: float) -> PathPoint:
         """Return the point at an arc length [m], with the position of (x, y) relative to it."""
         start = min(self.index(distance), self.distance.size - 2)
         share = distance / self._step - start
-        px, py, heading, curvature = (
-            float(values[start] + share * (values[start + 1] - values[start]))
-            for values in (self.x, self.y, self.heading, self.curvature))
+        px, py, heading, curvature = [
+            one + share * (two - one) for one, two in zip(*self._points[start:start + 2])]
         cos, sin = math.cos(heading), math.sin(heading)
         return PathPoint(distance, (x - px) * cos + (y - py) * sin,
                          (y - py) * cos - (x - px) * sin, heading, curvature)
