@@ -13,20 +13,15 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import TypeVar
 
-import numpy as np
-
-from smart_tire.arrays import Array
 from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import DriveModel
 from smart_tire.samples import Four, MAX_WHEEL_TORQUE, NS_PER_S, STOPPED
-
-Duty = TypeVar('Duty', float, Array)
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class MotorResponse:
         self.delay = 0.0                            # s, beyond that of the line
         self.motors: tuple[MotorState, ...] = ()    # empty without torques
         self._duties = History()
-        self._errors = np.zeros(len(c.DELAYS))        # s, squared duties times time
+        self._errors = [0.0] * len(c.DELAYS)        # s, squared duties times time
         self._readings: deque[tuple[int, list[float], Four]] = deque()  # time, speed, torque
 
     def command(self, duty: Four, now_ns: int) -> None:
@@ -75,7 +70,7 @@ class MotorResponse:
         _, begin_ns, end_ns = means[0]
         speed, stall = [mean[0] for mean in means], model.stall_torque
         realized = [one / stall + model.free_gain * w for one, w in zip(torque, speed)]
-        self._learn_delay(np.array(realized), np.array(torque) / stall, end_ns)
+        self._learn_delay(realized, [one / stall for one in torque], end_ns)
         readings, middle_ns = self._readings, (begin_ns + end_ns) // 2
         readings.append((middle_ns, speed, torque))
         while len(readings) > 2 and middle_ns - readings[1][0] >= end_ns - begin_ns:
@@ -91,33 +86,40 @@ class MotorResponse:
                        - change - (model.speed_gain - model.free_gain) * speed[wheel])
             for wheel, (duties, change) in enumerate(zip(zip(given, realized), inertial)))
 
-    def _learn_delay(self, realized: Array, shares: Array, end_ns: int) -> None:
+    def _learn_delay(self, realized: Sequence[float], shares: Sequence[float], end_ns: int
+                     ) -> None:
         """Compare the ``realized`` duties and ``shares`` of T with duties before ``end_ns``."""
         last_ns = self._readings[-1][0] if self._readings else end_ns
         if not self._duties.times or end_ns - self._duties.times[0] < c.DELAYS[-1] * NS_PER_S:
             return
-        given = np.array([self._duties.held(end_ns - delay_ns) or STOPPED
-                          for delay_ns in c.DELAYS_NS.tolist()])
-        squares = _unexplained(given, realized, shares).mean(axis=1)
-        self._errors += min(max(end_ns - last_ns, 0), c.MAX_GAP_NS) / NS_PER_S * (
-            squares - squares.min())
-        self._errors *= min(1.0, c.MOTOR_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
-        best = int(self._errors.argmin())
-        if self._errors[round(self.delay / c.DELAY_STEP)] > self._errors[best] + c.MOTOR_MARGIN:
-            self.delay = float(c.DELAYS[best])
+        given = [self._duties.held(end_ns - delay_ns) or STOPPED
+                 for delay_ns in c.DELAYS_NS.tolist()]
+        squares = {duty: _unexplained(duty, realized, shares) for duty in {*given}}
+        least, elapsed = min(squares.values()), (
+            min(max(end_ns - last_ns, 0), c.MAX_GAP_NS) / NS_PER_S)
+        errors = [error + elapsed * (squares[duty] - least)
+                  for error, duty in zip(self._errors, given)]
+        kept = min(1.0, c.MOTOR_EVIDENCE / max(max(errors) - min(errors), c.TINY))
+        self._errors = [kept * error for error in errors]
+        best = min(self._errors)
+        if self._errors[round(self.delay / c.DELAY_STEP)] > best + c.MOTOR_MARGIN:
+            self.delay = float(c.DELAYS[self._errors.index(best)])
 
 
-def _unexplained(given: Array, realized: Array, share: Array) -> Array:
+def _unexplained(given: Sequence[float], realized: Sequence[float], shares: Sequence[float]
+                 ) -> float:
     """
-    Return the square of what the errors of the model leave of the differences of duties (n, 4).
+    Return the mean square of what the errors of the model leave of the differences of duties.
 
     Nothing is left for a motor whose current is limited: it has less torque than given, but a
-    ``share`` of the stall torque in the right direction.
+    share of the stall torque in the right direction.
     """
-    rest = given - realized
-    limited = (rest * given > 0.0) & (share * np.copysign(1.0, given) > c.DUTY_ERROR)
-    left = np.maximum(np.abs(rest) - error_of(given), 0.0)
-    return np.where(limited, 0.0, left ** 2)
+    squares = 0.0
+    for duty, found, share in zip(given, realized, shares):
+        rest = duty - found
+        if rest * duty <= 0.0 or share * math.copysign(1.0, duty) <= c.DUTY_ERROR:
+            squares += max(abs(rest) - error_of(duty), 0.0) ** 2
+    return squares / len(given)
 
 
 def _missing(given: float, realized: float) -> float:
@@ -126,6 +128,6 @@ def _missing(given: float, realized: float) -> float:
     return rest if rest * given > 0.0 and abs(rest) > error_of(given) else 0.0
 
 
-def error_of(duty: Duty) -> Duty:
+def error_of(duty: float) -> float:
     """Return the error of a duty [-] that supply, temperature and friction of a motor explain."""
     return c.MODEL_ERROR * abs(duty) + c.DUTY_ERROR
