@@ -45,6 +45,7 @@ class WheelFeedback:
     def __init__(self, window: float) -> None:
         self._window_ns = round(window * NS_PER_S)
         self._gaps: deque[int] = deque(maxlen=c.PERIODS)
+        self.period: float | None = None  # s, of the readings, from the second one on
         self._lateness: deque[int] = deque(maxlen=c.ARRIVALS)  # ns, of arrivals after ``time_ns``
         self._readings: deque[WheelReading] = deque()
 
@@ -64,7 +65,10 @@ class WheelFeedback:
             if gap_ns <= 0:
                 return  # repeated
             self._gaps.append(gap_ns)
-            if position is None and gap_ns > c.MAX_GAP_RATIO * self._median_gap():
+            from statistics import median  # nodes start without
+            usual_ns = median(self._gaps)
+            self.period = usual_ns / NS_PER_S
+            if position is None and gap_ns > c.MAX_GAP_RATIO * usual_ns:
                 before = None  # others are missing in between
         if before is None:
             before, gap_ns = self._begin(velocity, now_ns)
@@ -96,15 +100,6 @@ class WheelFeedback:
     def latest(self) -> WheelReading | None:
         """Return the latest reading, None if there is none."""
         return self._readings[-1] if self._readings else None
-
-    @property
-    def period(self) -> float | None:
-        """Return the period of the readings [s], None before the second one."""
-        return self._median_gap() / NS_PER_S if self._gaps else None
-
-    def _median_gap(self) -> float:
-        from statistics import median  # nodes start without
-        return median(self._gaps)
 
     def mean(self, wheel: int) -> tuple[float, int, int] | None:
         """
