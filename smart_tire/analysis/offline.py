@@ -237,7 +237,7 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
                 batch = []
         batch.append((receive_ns, Measured(films.finish(), [])))
         yield StageBatch(1.0, batch)
-        contents.late, contents.faults = films.late, bag.faults
+        contents.late, contents.faults = films.feed.late, bag.faults
         start, end = bag.span_ns
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes

@@ -70,12 +70,12 @@ class FrictionEstimator:
     @property
     def late(self) -> Counter[str]:
         """Return the samples per topic that arrived after their grid instant had closed."""
-        return self.films.late
+        return self.films.feed.late
 
     @property
     def dropped(self) -> Counter[str]:
         """Duplicates and impossible samples per topic."""
-        return self.films.dropped
+        return self.films.feed.dropped
 
     def reset(self) -> None:
         """Drop all samples and everything learned; keep the counters."""

@@ -16,7 +16,6 @@ It needs nothing of the ground, so both stages can run in processes of their own
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -57,26 +56,16 @@ class FilmStage:
         self._robot, self._waveforms = params.robot, waveforms
         self.crossings = 0
         self.crossings_lost = 0  # without samples of any film
-        self._feed = ContactFeed(params.robot, params.reorder_window)
+        self.feed = ContactFeed(params.robot, params.reorder_window)
         self._start()
 
     def _start(self) -> None:
         self._methods = {wheel: WaveformMethod(wheel, self._robot)
                          for wheel in self._robot.film.wheels}
 
-    @property
-    def late(self) -> Counter[str]:
-        """Return the samples per topic that arrived after their grid instant had closed."""
-        return self._feed.late
-
-    @property
-    def dropped(self) -> Counter[str]:
-        """Return duplicates and impossible samples per topic."""
-        return self._feed.dropped
-
     def reset(self) -> None:
         """Drop all samples and everything learned; keep the counters."""
-        self._feed.reset()
+        self.feed.reset()
         self._start()
 
     def add_sample(self, sample: Sample) -> list[MotionBlock]:
@@ -85,12 +74,12 @@ class FilmStage:
 
         Raises EstimatorError if it is not from one of the input streams of ``streams.FRICTION``.
         """
-        return [self._fitted(block) for block in self._feed.add_sample(sample)]
+        return [self._fitted(block) for block in self.feed.add_sample(sample)]
 
     def finish(self) -> list[MotionBlock]:
         """Return the last blocks, at the end of all inputs; ``reset`` before a further sample."""
-        *blocks, last = map(self._fitted, self._feed.finish())
-        return [*blocks, last._replace(end_ns=self._feed.closed_ns, last=True)]
+        *blocks, last = map(self._fitted, self.feed.finish())
+        return [*blocks, last._replace(end_ns=self.feed.closed_ns, last=True)]
 
     def _fitted(self, block: SampleBlock) -> MotionBlock:
         if block.restarted:
@@ -111,7 +100,7 @@ class FilmStage:
 
     def status(self) -> dict[str, int]:
         """Return the values for diagnostics."""
-        feed = self._feed
+        feed = self.feed
         return {'crossings': self.crossings, 'crossings_lost': self.crossings_lost,
                 'foreign_samples': feed.foreign_samples, 'clock_resets': feed.clock_resets,
                 **{f'dropped.{topic}': count for topic, count in feed.dropped.items()},
