@@ -37,7 +37,8 @@ PERIOD = 2e-3        # s of CPU time between samples; Linux may take one per tic
 LEAST_SHARE = 3e-3   # of the longest analysis: narrower boxes are not drawn
 LEVELS = 18          # of the stack, from ``analyze`` or the function of another process on
 LETTER = 0.0045      # width of a letter, share of that of the figure
-ROOTS = 'analyze', '_read', '_with_friction'  # in ``smart_tire.analysis.offline``: of each process
+# functions of each process, and what sends their results
+ROOTS = 'offline.analyze', 'offline._read', 'offline._with_friction', 'processes._send'
 
 # Writes the CPU time [s] of each process and its sampled stacks, with their counts, to a folder.
 SAMPLED = """
@@ -138,8 +139,7 @@ def sampled(source: Path, bag: Path, params: Path, folder: Path) -> Stacks:
 
 def below_root(names: Sequence[str]) -> tuple[str, ...]:
     """Return a stack from the last of ``ROOTS`` on; of what is outside, only the innermost."""
-    roots = [index for index, name in enumerate(names)
-             if name in {f'offline.{root}' for root in ROOTS}]
+    roots = [index for index, name in enumerate(names) if name in ROOTS]
     return tuple(names[roots[-1]:] if roots else names[-1:])
 
 

@@ -31,6 +31,7 @@ def test_the_second_process_is_not_below_the_first_from_which_it_was_forked():
     forked = '__main__.<module>', 'offline.analyze', 'process._bootstrap', 'offline._read', 'x.y'
     assert below_root(forked) == ('offline._read', 'x.y')
     assert below_root(forked[:2]) == ('offline.analyze',)
+    assert below_root((*forked[:3], 'processes._send', 'z.w')) == ('processes._send', 'z.w')
     assert below_root(('__main__.<module>', 'threading._shutdown')) == ('threading._shutdown',)
 
 
