@@ -69,8 +69,7 @@ class DutyGate:
     @property
     def enabled(self) -> bool:
         """Return whether a command would move the wheels."""
-        with self._lock:
-            return self.armed and not (self.emergency or self._holds or self._trip)
+        return not self.reasons()
 
     def command(self, duty: Four, now_ns: int) -> bool:
         """Set the duty [-1, 1] received at ``now_ns``; return whether it is accepted."""
@@ -78,7 +77,7 @@ class DutyGate:
             self._reset_trip(now_ns)
             if duty != STOPPED:
                 self._asked_duty_ns = now_ns
-            if not (all(map(math.isfinite, duty)) and self.enabled):
+            if not all(map(math.isfinite, duty)) or self.reasons():
                 self._discard()
                 return False
             self._duty, self.expiry_ns = duty, now_ns + self._timeout_ns
