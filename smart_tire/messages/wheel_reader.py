@@ -36,7 +36,7 @@ from smart_tire.samples import Four, four, MAX_WHEEL_SPEED, NS_PER_S, WheelSampl
 LEAST_PERIOD_NS = 200_000      # 5 kHz; if all are shorter, stamps are of another unit
 MERGED_PERIOD_NS = 9_000_000   # messages that follow each other faster are merged ...
 MIN_PERIOD_NS = 16_000_000     # ... to this period; the filter works on a grid of half of it
-WRAPS = (math.tau, 360.0)      # ranges of angles: radians, and degrees by mistake
+WRAPS = (math.tau, 360.0)      # ranges of angles, ascending: radians, and degrees by mistake
 WRAP_TOLERANCE = 0.15          # of the range: a change of the speed within a period
 MIN_TURN = 0.02                # rad per message, of a wheel that turns: six counts of 2000
 MAX_STEP_CHANGE = 1.0          # rad per message; a larger change is a reset of the encoder
@@ -145,7 +145,7 @@ class WheelReader:
     def _continued(self, before: Array, now: Array, expected: Array) -> Array:
         """Return the steps [rad] of the angles, those over the end of their range mended."""
         step = now - before
-        if np.abs(expected - step).max() < math.pi:  # most samples
+        if np.abs(expected - step).max() < 0.5 * WRAPS[0]:  # most samples
             return step
         for full in WRAPS:
             turns = np.rint((expected - step) / full)
